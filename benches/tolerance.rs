@@ -438,7 +438,7 @@ fn survey(
         };
         let error = scene.error(it.numbers);
         let said = it.shortfall.as_ref().map_or("met".into(), |it| {
-            format!("{:.1} times too large", it.ratio)
+            format!("{:.1} times too large", it.ratio())
         });
         let (found, ratio) = match best {
             None => ("none found".into(), "     -".into()),

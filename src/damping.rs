@@ -254,7 +254,10 @@ impl Averaged {
             return Err(Error::NoStationaryLaw {
                 what: "the stationary density".into(),
                 contact: contact.name().into(),
-                why: format!("{} damping does not hold the motion", damping.name()),
+                why: format!(
+                    "{} damping does not hold the motion: more oscillator.zeta or less oscillator.h may",
+                    damping.name()
+                ),
             });
         }
         // The area within an energy is the action; Psi between two rows is a straight line in it.

@@ -96,15 +96,34 @@ impl Serialize for Estimate {
     }
 }
 
-/// What an answer did not reach of the tolerance that was asked for.
+/// What an answer lacks of what was asked for.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Lack {
+    /// All of it.
+    Answer,
+    /// Accuracy.
+    Accuracy {
+        /// The number whose error is farthest above the tolerance, with its time if it has one.
+        number: String,
+        /// That error over the tolerance, relative to its normalisation; NaN or infinite where it is not known.
+        ratio: f64,
+        /// The tolerance.
+        tolerance: f64,
+    },
+    /// Paths: its numbers are those of the paths done in time.
+    Paths {
+        /// Paths done.
+        done: u64,
+        /// Paths asked for.
+        asked: u64,
+    },
+}
+
+/// A question that was not answered in full.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Shortfall {
-    /// The number whose error is farthest above, with its time if it has one; empty where there is no answer.
-    pub number: String,
-    /// Its error over the tolerance, relative to its normalisation.
-    pub ratio: f64,
-    /// The tolerance.
-    pub tolerance: f64,
+    /// What is lacking.
+    pub lack: Lack,
     /// Whether the program was free to do better: it was not told the cells and steps that make the error.
     pub free: bool,
     /// Why it went no further.
@@ -113,43 +132,62 @@ pub struct Shortfall {
 
 impl Shortfall {
     /// That of a question without an answer.
-    pub(crate) fn unanswered(error: &Error, tolerance: f64) -> Self {
+    pub(crate) fn unanswered(error: &Error) -> Self {
         Self {
-            number: String::new(),
-            ratio: f64::INFINITY,
-            tolerance,
+            lack: Lack::Answer,
             free: true,
             reason: error.to_string(),
+        }
+    }
+
+    /// The number that is lacking most; empty where there is no answer.
+    pub fn number(&self) -> &str {
+        match &self.lack {
+            Lack::Answer => "",
+            Lack::Accuracy { number, .. } => number,
+            Lack::Paths { .. } => "monte_carlo.paths",
+        }
+    }
+
+    /// How many times too large its error is, or how many times more paths were asked for than done; infinite where there
+    /// is no answer.
+    pub fn ratio(&self) -> f64 {
+        match &self.lack {
+            Lack::Answer => f64::INFINITY,
+            Lack::Accuracy { ratio, .. } => *ratio,
+            Lack::Paths { done, asked } => *asked as f64 / *done as f64,
         }
     }
 }
 
 impl fmt::Display for Shortfall {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            number,
-            ratio,
-            tolerance,
-            reason,
-            ..
-        } = self;
-        if number.is_empty() {
-            return write!(f, "no answer: {reason}");
-        }
-        write!(f, "the tolerance {tolerance:e} is not met: ")?;
-        if ratio.is_finite() {
-            let times = (10.0 * ratio).ceil() / 10.0;
-            let times = if times < 1e6 {
-                format!("{times:.1}")
-            } else {
-                format!("{times:.0e}")
-            };
-            write!(
+        let reason = &self.reason;
+        match &self.lack {
+            Lack::Answer => write!(f, "no answer: {reason}"),
+            Lack::Accuracy {
+                number,
+                ratio,
+                tolerance,
+            } => {
+                write!(f, "the tolerance {tolerance:e} is not met: ")?;
+                let times = (10.0 * ratio).ceil() / 10.0;
+                match times {
+                    1e6.. if times.is_finite() => {
+                        write!(f, "the error of {number} is {times:.0e} times too large; ")?;
+                    }
+                    _ if times.is_finite() => {
+                        write!(f, "the error of {number} is {times:.1} times too large; ")?;
+                    }
+                    _ => write!(f, "{number} is not known; ")?,
+                }
+                f.write_str(reason)
+            }
+            Lack::Paths { done, asked } => write!(
                 f,
-                "the error of {number} is {times} times too large; {reason}"
-            )
-        } else {
-            write!(f, "{number} is not known; {reason}")
+                "the numbers are those of {done} of {asked} paths, and how many are done in time depends on the machine; \
+                 {reason}"
+            ),
         }
     }
 }

@@ -78,6 +78,19 @@ impl Drive {
         -self.amplitude * self.frequency * (self.frequency * t + self.phase).sin()
     }
 
+    /// The same drive with its origin of time where its phase is 0.
+    pub(crate) fn undelayed(&self) -> Self {
+        Self {
+            phase: 0.0,
+            ..*self
+        }
+    }
+
+    /// The time, within a period, at which that drive has the phase of this one at t = 0.
+    pub(crate) fn delay(&self) -> f64 {
+        self.phase.rem_euclid(TAU) / self.frequency
+    }
+
     /// The same drive at another frequency.
     ///
     /// # Errors

@@ -112,6 +112,14 @@ impl Moment {
         Self::ContactLossProbability,
     ];
 
+    /// Those of which a period of a drive has harmonics or a mean.
+    pub(crate) const OVER_A_PERIOD: [Self; 4] = [
+        Self::MeanQ,
+        Self::MeanV,
+        Self::MeanForce,
+        Self::ContactLossProbability,
+    ];
+
     /// Those whose course in time is shown: all where only some were asked for.
     pub(crate) fn course(moments: &[Moments]) -> &'static [Self] {
         if moments.last().is_some_and(|it| it.left_out != 0) {
@@ -201,6 +209,13 @@ impl Moments {
             let kept = asked.iter().fold(0, |bits, it| bits | 1 << *it as u16);
             self.left_out = !kept;
         }
+    }
+
+    /// Leaves out what is none of these either.
+    pub(crate) fn keep_of(&mut self, some: &[Moment]) {
+        let before = self.left_out;
+        self.keep(Some(some));
+        self.left_out |= before;
     }
 
     /// The moments that somebody asked for.

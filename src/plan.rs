@@ -1,6 +1,7 @@
 //! A plan: what a scene needs computed, and nothing else. Data that can be printed, costed and tested
 //! before anything runs.
 
+mod answers;
 mod joins;
 mod limits;
 mod recipes;

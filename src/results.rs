@@ -162,17 +162,15 @@ impl Results {
     }
 
     /// Notes what the reader should know.
-    pub(crate) fn warn(&mut self, warnings: &[String]) {
-        let warnings = warnings.iter().cloned();
-        self.run.warnings.extend(warnings.map(Warning::from));
+    pub(crate) fn warn<W: Clone + Into<Warning>>(&mut self, warnings: &[W]) {
+        let warnings = warnings.iter().cloned().map(W::into);
+        self.run.warnings.extend(warnings);
     }
 
-    /// Notes what a stage did not reach of the tolerance, and with `warn` among the warnings too.
-    pub(crate) fn fall_short(&mut self, stage: &'static str, it: Option<&Shortfall>, warn: bool) {
-        if warn {
-            let warning = it.map(|it| Warning::from(format!("{stage}: {it}")));
-            self.run.warnings.extend(warning);
-        }
+    /// Notes what a stage lacks.
+    pub(crate) fn fall_short(&mut self, stage: &'static str, it: Option<&Shortfall>) {
+        let warning = it.map(|it| format!("{stage}: {it}").into());
+        self.run.warnings.extend(warning);
         self.shortfalls.extend(it.map(|it| (stage, it.clone())));
     }
 

@@ -897,3 +897,46 @@ fn a_law_found_in_few_periods_has_no_multiplier_one() {
     let exact = (-0.08 * std::f64::consts::TAU / 0.4f64).exp();
     assert!((got.multipliers[0].modulus() - exact).abs() <= got.multipliers[0].error);
 }
+
+#[test]
+fn the_phase_of_a_drive_moves_the_origin_of_time_and_nothing_else() {
+    // Two orbits, one of them seldom found from rest: what is found depends on no phase.
+    let it = Oscillator::new(ContactLaw::Hertz, 0.02, 1.5e-3).unwrap();
+    let at = |phase: f64| {
+        let excitation = driven(0.08, 0.85, phase);
+        periodic(&it, 8, &settings(&excitation, 1e-2), &|_| ()).unwrap()
+    };
+    let (zero, later) = (at(0.0), at(4.0));
+    assert_eq!(zero.multipliers, later.multipliers);
+    assert_eq!(zero.metastable.is_some(), later.metastable.is_some());
+    for (a, b) in zero.mean_q.iter().zip(&later.mean_q).take(2) {
+        let off = (a.amplitude.value - b.amplitude.value).abs();
+        assert!(off <= a.amplitude.error, "{a:?} {b:?}");
+    }
+    let turned = later.mean_q[0].phase.value - zero.mean_q[0].phase.value - 4.0;
+    let off = (turned / TAU).round().mul_add(-TAU, turned).abs();
+    assert!(off <= zero.mean_q[0].phase.error, "{off}");
+}
+
+#[test]
+fn harmonics_and_the_mean_over_a_period_do_not_hang_on_how_many_phases_are_asked_for() {
+    // Contact lost for a third of the time: at five phases the third harmonic of the force counts as its second.
+    let it = Oscillator::new(ContactLaw::Bilinear, 0.08122, 0.00577).unwrap();
+    let at = |phases: usize| {
+        let excitation = driven(0.3545, 0.9736, 0.0);
+        periodic(&it, phases, &settings(&excitation, 1e-2), &|_| ()).unwrap()
+    };
+    let (few, many) = (at(5), at(96));
+    assert_eq!([few.phase.len(), few.moments.len()], [5; 2]);
+    assert_eq!(few.mean_force.len(), 4);
+    let pairs = few.mean_force.iter().zip(&many.mean_force);
+    let pairs = pairs.map(|(a, b)| (a.amplitude, b.amplitude));
+    let lost = few
+        .contact_loss_probability
+        .zip(many.contact_loss_probability);
+    for (a, b) in pairs.chain(lost) {
+        println!("{a:?} {b:?}");
+        assert!((a.value - b.value).abs() <= a.error.max(b.error));
+        assert!(a.error < 5e-3);
+    }
+}

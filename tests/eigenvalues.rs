@@ -212,7 +212,7 @@ fn eigenvalues_that_no_resolution_knows_are_said_to_be_unknown() {
     let it = decay_rates(&it, 3, &Settings::default()).unwrap();
     let shortfall = it.shortfall.unwrap();
     println!("{:?}, {shortfall:?}", it.rates);
-    assert!(it.rates.len() < 3 && shortfall.ratio.is_infinite());
+    assert!(it.rates.len() < 3 && shortfall.ratio().is_infinite());
 }
 
 /// G = q^3 - q from well to well over a barrier of 1/4: Kramers' rate there and back, omega_0^2 = 2, omega_b = 1 (Physica 7, 1940).
@@ -243,7 +243,7 @@ fn rates_between_wells_keep_their_digits_far_below_rounding_or_are_said_to_be_un
     let it = solve(&wells, 0.25, level(0.25, 0.0025), 1, 1e-2);
     let shortfall = it.shortfall.unwrap();
     assert!(
-        shortfall.number.contains("the eigenvalue near"),
+        shortfall.number().contains("the eigenvalue near"),
         "{shortfall}"
     );
 }

@@ -264,7 +264,11 @@ fn a_long_time_is_continued_in_closed_form() {
     let initial = Initial::Rest;
     let short = survive(&it, &initial, 375.0, 0.5);
     let long = survive(&it, &initial, 7.5e5, 0.5);
-    let over = |it: &FirstLoss| it.shortfall.as_ref().map_or(0.0, |it| it.ratio);
+    let over = |it: &FirstLoss| {
+        it.shortfall
+            .as_ref()
+            .map_or(0.0, vibroimpact::estimate::Shortfall::ratio)
+    };
     println!("over the tolerance: {} and {}", over(&short), over(&long));
     assert!(over(&short).max(over(&long)) < 3.0);
     assert!(long.method.steps < 20_000, "{}", long.method.steps);

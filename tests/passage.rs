@@ -744,7 +744,7 @@ fn no_survival_falls_faster_than_free_flight_lets_it() {
         // The program is not free to do better, and says so.
         assert!(
             got.shortfall
-                .is_some_and(|it| it.number == "rate" && !it.free)
+                .is_some_and(|it| it.number() == "rate" && !it.free)
         );
         assert!(got.mean_time.error < 1e-2 * got.mean_time.value);
     }

@@ -1111,12 +1111,18 @@ fn records_and_paths_stop_at_the_limit_of_time_and_leave_whole_files() {
         (
             "long",
             "monte_carlo.duration=1e10",
-            "no answer: accuracy.max_seconds = 1.0",
+            [
+                "NO ANSWER: records (exit status 3)",
+                "no answer: accuracy.max_seconds = 1.0",
+            ],
         ),
         (
             "small",
             "monte_carlo.paths=1000000000",
-            "of 1000000000 paths, and how many are done in time",
+            [
+                "CUT SHORT: monte_carlo (exit status 3); the numbers stand",
+                "of 1000000000 paths, and how many are done in time",
+            ],
         ),
     ] {
         let start = Instant::now();
@@ -1125,7 +1131,7 @@ fn records_and_paths_stop_at_the_limit_of_time_and_leave_whole_files() {
         let (out, _) = expect(3, &room, &["run", &file, "--set", size, "--set", limit]);
         let words: Vec<&str> = out.split_whitespace().collect();
         let said = words.join(" ");
-        assert!(said.contains(expected), "{out}");
+        assert!(expected.iter().all(|it| said.contains(it)), "{out}");
         assert!(
             start.elapsed() < Duration::from_secs(30),
             "{:?}",
@@ -1218,7 +1224,7 @@ fn where_flights_decay_slowest_no_rate_is_printed_but_the_edge_is() {
     let all = results(&room.join("results/continuum"));
     assert_eq!(all["decay_rates"].as_array().unwrap().len(), 0);
     assert!((all["continuous_from"].as_f64().unwrap() + 0.2210).abs() < 1e-4);
-    assert!(shown.contains("continuous from -0.2210 on"), "{shown}");
+    assert!(shown.contains("continuous from -0.22105 on"), "{shown}");
     let picture = fs::read_to_string(room.join("results/continuum/approach.svg")).unwrap();
     assert!(picture.contains("exp(\u{2212}0.2210"));
 }

@@ -137,7 +137,7 @@ fn cells_and_steps_of_the_user_are_not_refined_and_the_error_estimate_says_what_
     });
     assert_eq!(it.method.cells, [120, 80]);
     let shortfall = it.shortfall.unwrap();
-    assert!(!shortfall.free && shortfall.ratio > 1.0, "{shortfall}");
+    assert!(!shortfall.free && shortfall.ratio() > 1.0, "{shortfall}");
 }
 
 /// Cells as few as the program's own choice, and fewer: an initial condition about as wide as one of the coarsest is theirs to hold.

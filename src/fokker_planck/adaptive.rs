@@ -3,7 +3,7 @@
 
 use super::budget::{Cost, Limits};
 use crate::error::{Error, Result};
-use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::estimate::{Estimate, Lack, Origin, Shortfall};
 use crate::format::{bytes, seconds as in_words};
 use crate::moments::{Moment, Moments};
 use std::time::Instant;
@@ -102,9 +102,11 @@ impl Stop {
     pub(super) fn shortfall(self, number: String, ratio: f64, tolerance: f64) -> Option<Shortfall> {
         // NaN is no error estimate.
         (ratio.is_nan() || ratio > 1.0).then_some(Shortfall {
-            number,
-            ratio,
-            tolerance,
+            lack: Lack::Accuracy {
+                number,
+                ratio,
+                tolerance,
+            },
             free: self.free,
             reason: self.reason,
         })

@@ -5,20 +5,11 @@
 //! (Saad and Schultz, SIAM J. Sci. Stat. Comput. 7, 856, 1986); the Ritz values of I - P are 1 less the eigenvalues
 //! of P.
 
-use super::krylov::Krylov;
+use super::krylov::{Krylov, Ritz};
 use crate::error::{Error, Result};
 use crate::matrix::grid;
 use crate::sparse::{DenseLu, eigen, eigenvalues};
 use num_complex::Complex;
-
-/// An eigenvalue of the map, without its error of space and time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Ritz {
-    /// The eigenvalue.
-    pub(super) value: Complex<f64>,
-    /// By how much it may be off in the space of the map: the residual over the condition of the eigenvalue.
-    pub(super) error: f64,
-}
 
 /// A fixed point.
 pub(super) struct Fixed {

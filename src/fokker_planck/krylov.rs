@@ -35,13 +35,22 @@ impl Number for Complex<f64> {
     const PARTS: usize = 2;
 }
 
+/// An eigenvalue found in a space, without what the matrix itself is off by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Ritz {
+    pub(super) value: Complex<f64>,
+    /// By how much it may be off the matrix's: the residual over the condition of the eigenvalue.
+    pub(super) error: f64,
+}
+
 /// Part of an image beyond which what is left of it is no rounding.
 const NEW: f64 = 1e-13;
 
-/// A basis, and the Hessenberg matrix H of A V = V H.
+/// A basis, and the matrix H of A V = V H: Hessenberg's, or with as many diagonals below the main one as there were first
+/// vectors.
 pub(super) struct Krylov<T> {
     basis: Vec<Vec<T>>,
-    /// Columns of H, one for each image, each longer than the one before.
+    /// Columns of H, one for each image, up to the last component that is not 0.
     columns: Vec<Vec<T>>,
 }
 
@@ -60,6 +69,16 @@ impl<T: Number> Krylov<T> {
         }
     }
 
+    /// From the span of several.
+    pub(super) fn spanned_by(first: Vec<Vec<T>>, dot: impl Fn(&[T], &[T]) -> T) -> Self {
+        let (basis, columns) = (Vec::new(), Vec::new());
+        let mut space = Self { basis, columns };
+        for vector in first {
+            space.split(vector, 2, &dot, |_| ());
+        }
+        space
+    }
+
     /// Images so far.
     pub(super) fn size(&self) -> usize {
         self.columns.len()
@@ -74,41 +93,62 @@ impl<T: Number> Krylov<T> {
     /// `clean`.
     pub(super) fn push(
         &mut self,
-        mut image: Vec<T>,
+        image: Vec<T>,
         times: usize,
         dot: impl Fn(&[T], &[T]) -> T,
         clean: impl Fn(&mut [T]),
     ) {
+        let column = self.split(image, times, &dot, clean);
+        self.columns.push(column);
+    }
+
+    /// The components of a vector; what is left of it beside the basis joins it, if that is no rounding.
+    fn split(
+        &mut self,
+        mut vector: Vec<T>,
+        times: usize,
+        dot: &impl Fn(&[T], &[T]) -> T,
+        clean: impl Fn(&mut [T]),
+    ) -> Vec<T> {
         let size = |x: &[T]| dot(x, x).re().sqrt();
-        let before = size(&image);
-        let mut column = vec![T::default(); self.basis.len() + 1];
+        let before = size(&vector);
+        let mut components = vec![T::default(); self.basis.len() + 1];
         for _ in 0..times {
-            for (h, v) in column.iter_mut().zip(&self.basis) {
-                let part = dot(v, &image);
+            for (h, v) in components.iter_mut().zip(&self.basis) {
+                let part = dot(v, &vector);
                 *h += part;
-                for (x, v) in image.iter_mut().zip(v) {
+                for (x, v) in vector.iter_mut().zip(v) {
                     *x -= part * *v;
                 }
             }
-            clean(&mut image);
+            clean(&mut vector);
         }
-        let left = size(&image);
-        column[self.basis.len()] = T::real(left);
-        self.columns.push(column);
+        let left = size(&vector);
         if left > NEW * before {
+            components[self.basis.len()] = T::real(left);
             let over = T::real(1.0 / left);
-            for x in &mut image {
+            for x in &mut vector {
                 *x *= over;
             }
-            self.basis.push(image);
+            self.basis.push(vector);
         }
+        components
     }
 
-    /// H without its last row.
+    /// The vectors.
+    pub(super) fn basis(&self) -> &[Vec<T>] {
+        &self.basis
+    }
+
+    /// H without what its images have beyond the vectors that they are of.
     pub(super) fn hessenberg(&self) -> Array2<T> {
-        let m = self.size();
+        self.rows(self.size())
+    }
+
+    /// The first rows of H.
+    pub(super) fn rows(&self, count: usize) -> Array2<T> {
         let entry = |(i, j): (usize, usize)| self.columns[j].get(i).copied().unwrap_or_default();
-        Array2::from_shape_fn((m, m), entry)
+        Array2::from_shape_fn((count, self.size()), entry)
     }
 
     /// Its last entry.
@@ -117,7 +157,7 @@ impl<T: Number> Krylov<T> {
         last.map_or(0.0, |it| it.re())
     }
 
-    /// The y that leaves least of |size e_1 - H y|, and what it leaves, by Givens rotations.
+    /// From one first vector: the y that leaves least of |size e_1 - H y|, and what it leaves, by Givens rotations.
     pub(super) fn least_squares(&self, size: f64) -> (Vec<T>, f64) {
         let m = self.size();
         let mut columns = self.columns.clone();

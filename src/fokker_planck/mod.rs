@@ -76,7 +76,7 @@ pub use plane::{domain::Domain, mesh::Axis, mesh::Mesh};
 pub use settings::{Method, Settings, TimeScheme, TransientMethod};
 pub(crate) use spectrum::Resolvent;
 pub use spectrum::{Peak, Spectrum, spectrum};
-pub use transient::{Metastable, Multiplier, Reached, Transient, transient};
+pub use transient::{Multiplier, Reached, Transient, transient};
 pub(crate) use transient::{Reach, Recipe};
 #[doc(hidden)]
 pub use transient::{transient_cost, uncertified, uncertified_periodic};

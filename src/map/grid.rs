@@ -259,7 +259,7 @@ impl Map {
 
 /// What a reader of the line should know beside its numbers.
 fn put_notes(line: &mut Object<String, Value>, results: &Results) {
-    let short = |(stage, it): &(&str, crate::estimate::Shortfall)| json!({ "stage": stage, "number": it.number, "ratio": it.ratio, "free": it.free });
+    let short = |(stage, it): &(&str, crate::estimate::Shortfall)| json!({ "stage": stage, "number": it.number(), "ratio": it.ratio(), "free": it.free });
     if !results.shortfalls.is_empty() {
         let all = results.shortfalls.iter().map(short).collect();
         line.insert("shortfalls".into(), all);

@@ -13,7 +13,7 @@ use super::{Noise, Sampling, Scheme};
 use crate::budget::{Cost, Limits, timing};
 use crate::contact::ContactLaw;
 use crate::error::{Error, Result};
-use crate::estimate::{Shortfall, Warning};
+use crate::estimate::{Lack, Shortfall, Warning};
 use crate::format::brief;
 use crate::initial::Initial;
 use crate::matrix::vectorise;
@@ -259,7 +259,14 @@ impl Ensemble {
             .map(|it| it.last().map_or(0, Sums::paths))
             .sum();
         let shortfall = match progress.finish() {
-            Err(error @ Error::Limit { .. }) if done >= FEW => Some(self.cut(done, &error)),
+            Err(error @ Error::Limit { .. }) if done >= FEW => Some(Shortfall {
+                lack: Lack::Paths {
+                    done,
+                    asked: self.paths,
+                },
+                free: true,
+                reason: error.to_string(),
+            }),
             ended => ended.map(|()| None)?,
         };
         let asked = (0..frames.len()).filter(|k| self.times.contains(&self.stops[*k]));
@@ -272,8 +279,6 @@ impl Ensemble {
         let (moments, carriers): (Vec<Moments>, Vec<f64>) = asked.map(at).unzip();
         let mut warnings = self.warnings((oscillator, initial), walk, &moments);
         warnings.extend(self.few_carriers(&carriers).map(Warning::from));
-        let cut = shortfall.as_ref().map(|it| it.reason.clone());
-        warnings.extend(cut.map(Warning::from));
         Ok(EnsembleResult {
             times: self.times.clone(),
             warnings,
@@ -285,22 +290,6 @@ impl Ensemble {
             path_steps: (steps + before).saturating_mul(done),
             shortfall,
         })
-    }
-
-    /// What is said where so many paths were done and no more.
-    fn cut(&self, done: u64, error: &Error) -> Shortfall {
-        let ratio = self.paths as f64 / done as f64;
-        Shortfall {
-            number: "monte_carlo.paths".into(),
-            ratio,
-            tolerance: ratio,
-            free: true,
-            reason: format!(
-                "monte_carlo: {error}; the numbers are those of {done} of {} paths, and how many are done in time depends on the \
-                 machine",
-                self.paths
-            ),
-        }
     }
 
     /// That so few paths carry the error of the kurtosis that it does not tell what others would, where that is asked for.

@@ -3,6 +3,7 @@
 use super::events::Watch;
 use crate::budget::Limits;
 use crate::error::Result;
+use crate::format::{brief, rounded};
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// Reports a fraction from any thread, a thousand times in all, and watches the clock.
@@ -51,7 +52,7 @@ impl<'a> Progress<'a> {
         if self.stopped.load(Ordering::Relaxed) {
             let done = self.done.load(Ordering::Relaxed);
             let share = 100.0 * done as f64 / self.total as f64;
-            let what = format!("{share:.0} % of the paths were done");
+            let what = format!("{} % of the paths were done", brief(rounded(share, 2)));
             return Err(self.limits.out_of_time(what));
         }
         (self.report)(1.0);

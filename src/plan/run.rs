@@ -1,19 +1,16 @@
 //! A plan is run: stage after stage, each within the time that is left.
 
 use super::Plan;
-use super::joins::{reached, welch};
+use super::answers::Running;
 use super::recipes::Recipe;
 use super::stage::{Part, Stage};
 use super::watch::{Nobody, Watch};
 use crate::budget::{Limits, StopFlag};
 use crate::error::{Error, Result};
 use crate::estimate::{Shortfall, Warning};
-use crate::fokker_planck;
 use crate::format::{num, seconds};
 use crate::results::in_unit::InUnit;
-use crate::results::{Numbers, Results, SpectrumNumbers, peak_memory};
-use crate::scene::Scene;
-use crate::stationary::Stationary;
+use crate::results::{Results, peak_memory};
 use std::time::Instant;
 
 /// Seconds kept for the stages still to come, over those foreseen of them, which are within three of what it takes;
@@ -59,191 +56,6 @@ impl Plan {
         }
     }
 
-    #[allow(clippy::too_many_lines)] // One arm a recipe.
-    fn compute(
-        &self,
-        (part, recipe): (Part, &Recipe),
-        results: &mut Results,
-        seconds: f64,
-        (progress, stop): (&(dyn Fn(f64) + Sync), &StopFlag),
-    ) -> Result<()> {
-        let Scene {
-            oscillator,
-            initial,
-            outputs,
-            ..
-        } = &self.scene;
-        let (settings, clock) = (&self.settings, &self.clock);
-        let limits = Limits::from_now(seconds, settings.max_memory);
-        let limits = limits.share_of(settings.max_seconds, stop.clone());
-        let window = self.scene.crossings_window();
-        match recipe {
-            Recipe::Stationary(recipe) => {
-                if results.solved.is_none() {
-                    let it = recipe.solve(oscillator, &limits, progress)?;
-                    results.fall_short(part.name(), it.shortfall.as_ref(), true);
-                    results.solved = Some(it);
-                }
-                if let Some(law) = &results.solved {
-                    match (part, window) {
-                        (Part::Crossings, Some(time)) => {
-                            results.crossings = Some(Numbers::flux(law, time).in_unit(clock));
-                        }
-                        (Part::Crossings, None) => {}
-                        _ => {
-                            let numbers = Numbers::solved(law).asked(outputs.moments.as_deref());
-                            results.stationary = Some(numbers.in_unit(clock));
-                        }
-                    }
-                }
-            }
-            Recipe::ClosedForm => {
-                let law = Stationary::of(oscillator)?;
-                match (part, window) {
-                    (Part::Crossings, Some(time)) => {
-                        results.crossings = Some(Numbers::crossings(&law, time).in_unit(clock));
-                        if self.knows_flights() {
-                            let flights = fokker_planck::flight_law(oscillator)?;
-                            let shortfall = flights.shortfall(settings.tolerance);
-                            results.fall_short(part.name(), shortfall.as_ref(), true);
-                            results.flights = Some(flights.in_unit(clock));
-                            let impacts = fokker_planck::impact_law(oscillator)?;
-                            results.impacts = Some(impacts.in_unit(clock));
-                        }
-                    }
-                    (Part::Crossings, None) => {}
-                    _ => {
-                        let numbers = Numbers::stationary(&law).asked(outputs.moments.as_deref());
-                        results.stationary = Some(numbers.in_unit(clock));
-                    }
-                }
-            }
-            Recipe::FirstPassage(recipe) => {
-                let it = recipe.solve(oscillator, initial, &limits, progress)?;
-                results.fall_short(part.name(), it.shortfall.as_ref(), true);
-                let answer = match part {
-                    Part::FirstLoss => &mut results.first_loss,
-                    _ => &mut results.first_passage,
-                };
-                *answer = Some(it.in_unit(clock));
-            }
-            Recipe::FirstLosses(recipe) => {
-                let (solved, answer) = match part {
-                    Part::FirstLossPaths => (&results.first_loss, &mut results.first_loss_paths),
-                    _ => (&results.first_passage, &mut results.first_passage_paths),
-                };
-                // Paths alone are seen at even times.
-                let times: Vec<f64> = match solved {
-                    Some(it) => it.times.iter().map(|t| clock.dimensionless(*t)).collect(),
-                    None => (0..=16)
-                        .map(|k| f64::from(k) / 16.0 * recipe.until)
-                        .collect(),
-                };
-                let it = recipe.run((oscillator, initial), &times, limits, progress)?;
-                results.run.warnings.extend(it.warnings.iter().cloned());
-                *answer = Some(it.in_unit(clock));
-            }
-            Recipe::Transient(recipe) => {
-                let density_at = outputs.density_at.list();
-                // Who asks for densities alone gets the numbers of these times.
-                let moments_at = if outputs.moments_at.is_empty() {
-                    density_at.clone()
-                } else {
-                    outputs.moments_at.list()
-                };
-                let (problem, times) = ((oscillator, initial), self.times());
-                let mut it = recipe.solve(problem, (&times, &density_at), &limits, progress)?;
-                keep_times(&mut it, &moments_at);
-                results.warn(&it.warnings);
-                results.fall_short(part.name(), it.shortfall.as_ref(), false);
-                results.transient = Some(it.in_unit(clock));
-            }
-            Recipe::Reach(recipe, quantity, level) => {
-                let stationary = match level {
-                    Some(law) => {
-                        let it = law.solve(oscillator, &limits, &|_| {})?;
-                        // What is not known from 0 is no 0.
-                        reached(*quantity, &it.moments).map_err(|error| match &it.shortfall {
-                            Some(why) => Error::linear("the stationary level", why.to_string()),
-                            None => error,
-                        })?
-                    }
-                    None => reached(*quantity, &Stationary::of(oscillator)?.moments())?,
-                };
-                let it = recipe.solve((oscillator, initial), stationary, &limits, progress)?;
-                results.warn(&it.warnings);
-                results.fall_short(part.name(), it.shortfall.as_ref(), true);
-                results.reach = Some(it.in_unit(clock));
-            }
-            Recipe::Periodic(recipe) => {
-                let it = recipe.solve(oscillator, &limits, progress)?;
-                results.warn(&it.warnings);
-                results.fall_short(part.name(), it.shortfall.as_ref(), false);
-                results.periodic = Some(it.in_unit(clock));
-            }
-            Recipe::Response(recipe) => {
-                // Its frequencies are circular ones, whatever the unit of times.
-                let it = recipe.solve(oscillator, &limits, progress)?;
-                results.warn(&it.warnings);
-                results.fall_short(part.name(), it.shortfall.as_ref(), false);
-                results.response = Some(it);
-            }
-            Recipe::Steady(recipe) => {
-                let it = recipe.solve(oscillator, &limits, progress)?;
-                results.warn(&it.warnings);
-                results.fall_short(part.name(), it.shortfall.as_ref(), true);
-                results.steady = Some(it.in_unit(clock));
-            }
-            Recipe::DecayRates(recipe) => {
-                let it = recipe.solve(oscillator, &limits, progress)?;
-                results.fall_short(part.name(), it.shortfall.as_ref(), true);
-                results.decay_rates = Some(it.in_unit(clock));
-            }
-            Recipe::Spectrum(recipe, asked) => {
-                let mut omegas = welch(asked.until)?.omega();
-                omegas.retain(|omega| *omega <= asked.until * (1.0 + 1e-9));
-                let it = recipe.solve(oscillator, asked.quantity, &omegas, &limits, progress)?;
-                results.fall_short(part.name(), it.shortfall.as_ref(), true);
-                // Sampling has the frequencies of its segments alone.
-                let it = match self.scene.monte_carlo {
-                    Some(_) => it,
-                    None => it.filled(),
-                };
-                results.spectrum = Some(SpectrumNumbers::of(oscillator, it));
-            }
-            Recipe::Series(recipe, asked) => {
-                if let Some(it) = &mut results.spectrum {
-                    let averages =
-                        it.sample(oscillator, &welch(asked.until)?, recipe, limits, progress)?;
-                    it.put_in(clock);
-                    let warning = recipe.warnings(oscillator, averages);
-                    results.run.warnings.extend(warning);
-                }
-            }
-            Recipe::Ensemble(recipe) => {
-                let it = recipe.run((oscillator, initial), limits, progress)?;
-                results.run.warnings.extend(it.warnings.iter().cloned());
-                results.fall_short(part.name(), it.shortfall.as_ref(), false);
-                results.monte_carlo = Some(it.in_unit(clock));
-            }
-            Recipe::Records(recipe) => {
-                let it = recipe.run(oscillator, limits, progress)?;
-                results.run.warnings.extend(it.warnings.iter().cloned());
-                let losses = it.crossings.as_ref().map(|it| it.losses);
-                if outputs.crossings.is_some() && losses == Some(0) {
-                    let warning = format!(
-                        "the records saw no loss of contact in a time of {:.1e}: its rate is known \
-                         without sampling alone",
-                        it.duration
-                    );
-                    results.run.warnings.push(warning.into());
-                }
-                results.records = Some(it.in_unit(clock));
-            }
-        }
-        Ok(())
-    }
-
     /// Run every stage; `watch` is told as it goes. A stage that finds no answer within the limits is a shortfall of the
     /// results, and the others are run.
     ///
@@ -283,51 +95,22 @@ impl Plan {
                 results.run.warnings.push(text.into());
                 continue;
             }
-            let limit = self.scene.accuracy.max_seconds;
             results.run.wall_seconds = spent();
-            // What little is left to do is done: a stage before it may have overrun its part of the time.
-            let end = results.run.wall_seconds + RESERVED * stage.cost.seconds;
-            let late = results.run.wall_seconds > limit && end > OVERRUN * limit;
-            let share = self.share(part, results.run.wall_seconds);
             let begin = Instant::now();
             let told = (results.run.warnings.len(), results.shortfalls.len());
-            let progress = |fraction| watch.progress(part, fraction);
-            let computed = match (&stage.refusal, recipe) {
-                // As it was typed already; it speaks of no time.
-                (Some(refusal), _) => Err(refusal.unanswered()),
-                (None, Some(recipe)) if !late => {
-                    watch.begins(part);
-                    self.compute((part, recipe), results, share, (&progress, &stop))
-                }
-                _ => {
-                    let what = format!("the {} stage had not begun", part.name());
-                    Err(Error::limit("accuracy.max_seconds", num(limit), what))
-                }
-            };
+            let computed = self.compute((stage, recipe.as_ref()), results, (watch, &stop));
             // What is known already is an answer, and is kept as one.
             if stop.raised() && computed.is_err() {
                 let what = format!("the {} stage had not ended", part.name());
                 return Err(Error::Stopped { what });
             }
-            // A stage knows only its share of the time.
-            let computed = computed.map_err(|error| match self.as_typed(error) {
-                Error::Limit {
-                    key: key @ "accuracy.max_seconds",
-                    limit: most,
-                    what,
-                } if !late && share < 0.95 * limit => {
-                    let share = seconds(share);
-                    Error::limit(key, most, format!("{what}; other stages leave it {share}"))
-                }
-                other => other,
-            });
             match computed {
                 Ok(()) => {}
                 Err(error) if error.is_unanswered() => {
                     results.run.warnings.truncate(told.0);
                     results.shortfalls.truncate(told.1);
-                    let shortfall = Shortfall::unanswered(&error, self.scene.accuracy.tolerance);
-                    results.fall_short(part.name(), Some(&shortfall), true);
+                    let shortfall = Shortfall::unanswered(&error);
+                    results.fall_short(part.name(), Some(&shortfall));
                     results.run.wall_seconds = spent();
                     unanswered = unanswered.or(Some(error));
                     continue;
@@ -369,6 +152,49 @@ impl Plan {
         }
     }
 
+    /// Computes a stage within its share of the time.
+    fn compute(
+        &self,
+        (stage, recipe): (&Stage, Option<&Recipe>),
+        results: &mut Results,
+        (watch, stop): (&dyn Watch, &StopFlag),
+    ) -> Result<()> {
+        if let Some(refusal) = &stage.refusal {
+            return Err(refusal.unanswered());
+        }
+        let (part, limit) = (stage.part, self.scene.accuracy.max_seconds);
+        let spent = results.run.wall_seconds;
+        // What little is left to do is done: a stage before it may have overrun its part of the time.
+        let late = spent > limit && spent + RESERVED * stage.cost.seconds > OVERRUN * limit;
+        let Some(recipe) = recipe.filter(|_| !late) else {
+            let what = format!("the {} stage had not begun", part.name());
+            return Err(Error::limit("accuracy.max_seconds", num(limit), what));
+        };
+        watch.begins(part);
+        let share = self.share(part, spent);
+        let limits = Limits::from_now(share, self.settings.max_memory);
+        let running = Running {
+            plan: self,
+            part,
+            limits: limits.share_of(self.settings.max_seconds, stop.clone()),
+            progress: &|fraction| watch.progress(part, fraction),
+        };
+        // A stage knows only its share of the time.
+        running
+            .answer(recipe, results)
+            .map_err(|error| match self.as_typed(error) {
+                Error::Limit {
+                    key: key @ "accuracy.max_seconds",
+                    limit: most,
+                    what,
+                } if share < 0.95 * limit => {
+                    let share = seconds(share);
+                    Error::limit(key, most, format!("{what}; other stages leave it {share}"))
+                }
+                other => other,
+            })
+    }
+
     /// What is left to do after these results, as the warning that they then carry.
     pub(crate) fn left_after(&self, results: &Results) -> Option<Warning> {
         let stages = &results.run.stages;
@@ -391,20 +217,4 @@ fn unfinished<'a>(open: impl IntoIterator<Item = &'a Stage>) -> Option<Warning> 
     let open: Vec<&str> = open.map(|it| it.part.name()).collect();
     let text = format!("unfinished: {} had not ended yet", open.join(", "));
     (!open.is_empty()).then(|| text.into())
-}
-
-/// Leave the numbers of these times only.
-fn keep_times(it: &mut fokker_planck::Transient, times: &[f64]) {
-    fn keep<T>(items: &mut Vec<T>, kept: &[bool]) {
-        let mut kept = kept.iter();
-        items.retain(|_| kept.next().copied().unwrap_or(true));
-    }
-    let kept: Vec<bool> = it.times.iter().map(|t| times.contains(t)).collect();
-    keep(&mut it.times, &kept);
-    keep(&mut it.moments, &kept);
-    keep(&mut it.mass, &kept);
-    keep(&mut it.lowest_density, &kept);
-    keep(&mut it.negative_mass, &kept);
-    keep(&mut it.relative_entropy, &kept);
-    keep(&mut it.distance, &kept);
 }

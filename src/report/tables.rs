@@ -12,7 +12,7 @@ use crate::initial::Initial;
 use crate::moments::{Entry, Moment};
 use crate::results::{Results, distance, entries, physical_words};
 use std::fmt::Write;
-use table::{Table, shown};
+use table::{Table, complex, shown};
 
 /// Times of a transient shown on the page; all are in the files.
 const TIMES: usize = 12;
@@ -261,12 +261,18 @@ fn eigenvalues(results: &Results) -> Option<String> {
     let it = results.decay_rates.as_ref()?;
     let mut table = Table::of(["", "real part", "imaginary part", "relaxation time"]);
     for (k, rate) in it.rates.iter().enumerate() {
-        let number =
-            |value: f64, error: f64| shown(Some(Estimate::new(value, error, Origin::Space)));
-        let re = number(rate.re, rate.error);
-        let im = (rate.im != 0.0).then(|| format!("\u{b1}{}", number(rate.im, rate.error)));
-        let time = number(-1.0 / rate.re, rate.error / rate.re.powi(2));
-        table.put([(k + 1).to_string(), re, im.unwrap_or_default(), time]);
+        let [re, im] = complex(rate.re, rate.im, rate.error);
+        let time = Estimate::new(-1.0 / rate.re, rate.error / rate.re.powi(2), Origin::Space);
+        table.put([(k + 1).to_string(), re, im, shown(Some(time))]);
+    }
+    if let Some(edge) = it.continuous_from {
+        let none = String::new;
+        table.put([
+            "continuous from".into(),
+            brief(crate::format::rounded(edge, 5)),
+            none(),
+            none(),
+        ]);
     }
     Some(table.html("Slowest eigenvalues of the Fokker-Planck operator"))
 }

@@ -12,6 +12,7 @@ pub(crate) use layout::wrap;
 pub use plan::plan;
 
 use crate::clock::TimeUnit;
+use crate::estimate::Lack;
 use crate::format::{brief, bytes, many, seconds};
 use crate::results::Results;
 use course::{course, deterministic, reach, spectrum};
@@ -85,6 +86,29 @@ fn agreement(table: &mut Table, results: &Results) {
     table.paragraph("agreement:     ", &text);
 }
 
+/// What the program was free to do better, by what is lacking.
+fn lacking(table: &mut Table, results: &Results) {
+    let title = |it: &Lack| match it {
+        Lack::Accuracy { .. } => "TOLERANCE NOT REACHED: ",
+        Lack::Paths { .. } => "CUT SHORT: ",
+        Lack::Answer => "NO ANSWER: ",
+    };
+    let stand = "; the numbers stand with their errors";
+    for (head, end) in [
+        ("TOLERANCE NOT REACHED: ", stand),
+        ("CUT SHORT: ", stand),
+        ("NO ANSWER: ", ""),
+    ] {
+        let such = results.shortfalls.iter();
+        let such = such.filter(|(_, it)| it.free && title(&it.lack) == head);
+        let stages: Vec<&str> = such.map(|it| it.0).collect();
+        if !stages.is_empty() {
+            let text = format!("{} (exit status 3){end}", stages.join(", "));
+            table.paragraph(head, &text);
+        }
+    }
+}
+
 fn foot(table: &mut Table, results: &Results) {
     let run = &results.run;
     let stages = run.stages.iter();
@@ -97,21 +121,7 @@ fn foot(table: &mut Table, results: &Results) {
     let text = format!("{all} in all ({stages}; {threads}{memory})");
     table.line("");
     table.paragraph("time: ", &text);
-    if results.falls_short() {
-        let free = results.shortfalls.iter().filter(|(_, it)| it.free);
-        let (none, short): (Vec<_>, Vec<_>) = free.partition(|(_, it)| it.number.is_empty());
-        let stand = "; the numbers stand with their errors";
-        for (all, title, end) in [
-            (short, "TOLERANCE NOT REACHED: ", stand),
-            (none, "NO ANSWER: ", ""),
-        ] {
-            let stages: Vec<&str> = all.iter().map(|it| it.0).collect();
-            if !stages.is_empty() {
-                let text = format!("{} (exit status 3){end}", stages.join(", "));
-                table.paragraph(title, &text);
-            }
-        }
-    }
+    lacking(table, results);
     for warning in &run.warnings {
         table.paragraph("warning: ", &warning.text);
     }

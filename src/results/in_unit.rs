@@ -2,7 +2,7 @@
 
 use super::{Numbers, SpectrumNumbers};
 use crate::clock::Clock;
-use crate::estimate::{Estimate, Shortfall, Warning};
+use crate::estimate::{Estimate, Lack, Shortfall, Warning};
 use crate::fokker_planck::{
     DecayRates, FirstLoss, FlightLaw, ImpactLaw, Method, Periodic, Reached, Steady, Transient,
 };
@@ -175,7 +175,9 @@ impl InUnit for Warning {
 
 impl InUnit for Shortfall {
     fn put_in(&mut self, clock: &Clock) {
-        self.number = clock.retold(&self.number);
+        if let Lack::Accuracy { number, .. } = &mut self.lack {
+            *number = clock.retold(number);
+        }
         self.reason = clock.retold(&self.reason);
     }
 }

@@ -264,6 +264,7 @@ fn periodic(it: &Periodic) -> Value {
 fn metastable(it: &MetastableLaw) -> Value {
     json!({
         "probability": it.probability,
+        "mean_q": it.displacement,
         "harmonics": {"mean_q": it.mean_q, "mean_force": it.mean_force},
         "contact_loss_probability": it.contact_loss_probability,
     })

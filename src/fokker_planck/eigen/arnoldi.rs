@@ -2,7 +2,7 @@
 
 use crate::error::{Deadline, Result};
 use crate::fokker_planck::hermite::{Factored, Hierarchy};
-use crate::fokker_planck::krylov::{Krylov, dot};
+use crate::fokker_planck::krylov::{Krylov, Ritz, dot};
 use crate::sparse::eigen;
 use num_complex::Complex;
 
@@ -19,13 +19,6 @@ const SKEWED: f64 = 4.0;
 
 /// What is nearer to 0 is a mode, however little else is known of it: small vibrations go at 1.
 const NEAR_ZERO: f64 = 1e-6;
-
-/// An eigenvalue at one resolution, with its algebraic error.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Mode {
-    pub(super) value: C,
-    pub(super) error: f64,
-}
 
 /// Arnoldi's process for (shift - L)^{-1}.
 pub(super) struct Arnoldi<'a> {
@@ -82,7 +75,7 @@ impl<'a> Arnoldi<'a> {
     }
 
     /// The converged eigenvalues, those of the upper half plane.
-    pub(super) fn modes(&self) -> Result<Vec<Mode>> {
+    pub(super) fn modes(&self) -> Result<Vec<Ritz>> {
         let size = self.size();
         let (values, vectors) = eigen(&self.space.hessenberg())?;
         let last = self.space.rest();
@@ -106,7 +99,7 @@ impl<'a> Arnoldi<'a> {
                     continue;
                 };
                 if slow.error < error {
-                    Mode { value, error } = slow;
+                    Ritz { value, error } = slow;
                 }
             } else if error > value.norm() {
                 continue;
@@ -120,7 +113,7 @@ impl<'a> Arnoldi<'a> {
             // A real eigenvalue of a real matrix has no imaginary part beyond its error.
             let im = if value.im <= nothing { 0.0 } else { value.im };
             let value = C::new(value.re, im);
-            modes.push(Mode { value, error });
+            modes.push(Ritz { value, error });
         }
         Ok(modes)
     }
@@ -129,14 +122,14 @@ impl<'a> Arnoldi<'a> {
     /// friction -2 zeta n, so that lambda |x|^2 = -2 zeta sum n |x_n|^2. No term cancels another, while L x is a difference that
     /// rounding hides. `error`, of an eigenvalue of L, over the distance to other ones, is in x, and counts twice beside what
     /// moves in x. None for the law itself, if rounding brought it back.
-    fn slow(&self, error: f64, mut x: Vec<C>) -> Option<Mode> {
+    fn slow(&self, error: f64, mut x: Vec<C>) -> Option<Ritz> {
         let norm = |x: &[C]| x.iter().map(C::norm_sqr).sum::<f64>();
         let whole = norm(&x);
         self.full.drop_constant(&mut x);
         let left = norm(&x);
         let [taken, moving] = self.full.taken(&x).map(|it| it / left);
         let apart = self.full.relaxation() * moving.sqrt();
-        (left > 0.5 * whole).then(|| Mode {
+        (left > 0.5 * whole).then(|| Ritz {
             value: C::new(-taken, 0.0),
             error: 2.0 * taken * error / apart.max(f64::MIN_POSITIVE),
         })

@@ -1,12 +1,13 @@
 //! The search for the slowest eigenvalues over resolutions.
 
-use super::arnoldi::{Arnoldi, Mode};
+use super::arnoldi::Arnoldi;
 use super::decay_rates::{DecayRate, DecayRates, Eigenvalues, FAR_BELOW, MOST_VECTORS, SHIFTS};
 use crate::error::Result;
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
 use crate::fokker_planck::budget::Limits;
 use crate::fokker_planck::convergence::left_of;
 use crate::fokker_planck::hermite::{Hierarchy, Resolution, lost_digits};
+use crate::fokker_planck::krylov::Ritz;
 use crate::fokker_planck::policy::{RATES_APART, RATES_BESIDE, RATES_KNOWN, SHARE};
 use crate::fokker_planck::settings::Settings;
 use crate::oscillator::{Oscillator, Quantity};
@@ -151,7 +152,7 @@ struct Search<'a> {
     /// Where finer resolutions are to look.
     places: Vec<Place>,
     /// The modes of each resolution.
-    levels: Vec<Vec<Mode>>,
+    levels: Vec<Vec<Ritz>>,
     best: Option<Answer>,
     /// Resolutions that brought nothing.
     stalls: usize,
@@ -204,13 +205,13 @@ impl Question for Search<'_> {
 
 impl Search<'_> {
     /// The slowest modes of a list that is sorted by rate: those above the edge, as many as asked for.
-    fn slowest<'b>(&self, modes: &'b [Mode], count: usize) -> &'b [Mode] {
+    fn slowest<'b>(&self, modes: &'b [Ritz], count: usize) -> &'b [Ritz] {
         let above = modes.partition_point(|it| it.value.re > self.recipe.edge);
         &modes[..above.min(count)]
     }
 
     /// The modes of a resolution; the coarsest says where finer ones look.
-    fn modes(&mut self, full: &Hierarchy) -> Result<Vec<Mode>> {
+    fn modes(&mut self, full: &Hierarchy) -> Result<Vec<Ritz>> {
         let mut modes = Vec::new();
         if self.levels.is_empty() {
             self.places = self.sweep(full, &mut modes)?;
@@ -222,7 +223,7 @@ impl Search<'_> {
 
     /// Modes of a coarse operator, and where finer ones are to look. Shifts lie along the imaginary axis, up to
     /// the first harmonic that has none of the modes asked for, and then where the slowest modes lie far from it.
-    fn sweep(&self, full: &Hierarchy, modes: &mut Vec<Mode>) -> Result<Vec<Place>> {
+    fn sweep(&self, full: &Hierarchy, modes: &mut Vec<Ritz>) -> Result<Vec<Place>> {
         let Eigenvalues {
             natural,
             count,
@@ -256,7 +257,7 @@ impl Search<'_> {
     }
 
     /// For each mode asked for the nearest shift, or a new one beside it if none is near.
-    fn places(&self, modes: &[Mode], shifts: &[C]) -> Vec<Place> {
+    fn places(&self, modes: &[Ritz], shifts: &[C]) -> Vec<Place> {
         // Real modes always have a place.
         let mut places = vec![Place::at(C::default())];
         let mut shifts = shifts.to_vec();
@@ -288,21 +289,21 @@ impl Search<'_> {
         full: &Hierarchy,
         places: &[Place],
         vectors: usize,
-        modes: &mut Vec<Mode>,
+        modes: &mut Vec<Ritz>,
     ) -> Result<()> {
         let late = || {
             self.limits
                 .in_time(|| "the eigenvalues had not ended".into())
         };
-        let error = |modes: &[Mode], target: &C| {
-            let distance = |it: &&Mode| (it.value - target).norm();
+        let error = |modes: &[Ritz], target: &C| {
+            let distance = |it: &&Ritz| (it.value - target).norm();
             let nearest = modes
                 .iter()
                 .min_by(|a, b| distance(a).total_cmp(&distance(b)));
             nearest.map_or(f64::INFINITY, |it| it.error / target.norm())
         };
         // The first that fails ends all.
-        let found: Result<Vec<Vec<Mode>>> = places
+        let found: Result<Vec<Vec<Ritz>>> = places
             .par_iter()
             .map(|place| {
                 let mut arnoldi = Arnoldi::new(full, place.shift, &late)?;
@@ -338,7 +339,7 @@ impl Search<'_> {
     }
 
     /// What the last three resolutions, the finest last, say of the modes asked for.
-    fn judge(&self, levels: [&Vec<Mode>; 3], resolution: Resolution) -> Answer {
+    fn judge(&self, levels: [&Vec<Ritz>; 3], resolution: Resolution) -> Answer {
         let Eigenvalues {
             count, edge, local, ..
         } = *self.recipe;
@@ -404,8 +405,8 @@ fn believed(path: [C; 3], algebraic: f64) -> Option<DecayRate> {
 }
 
 /// The modes and the conjugates of the complex ones.
-fn conjugates(modes: &[Mode]) -> Vec<C> {
-    let pair = |it: &Mode| match it.value {
+fn conjugates(modes: &[Ritz]) -> Vec<C> {
+    let pair = |it: &Ritz| match it.value {
         value if value.im > 0.0 => vec![value, value.conj()],
         value => vec![value],
     };
@@ -434,8 +435,8 @@ fn partners(these: &[C], those: &[C], within: impl Fn(usize, usize) -> f64) -> V
 
 /// Adds the modes of another shift that are not in the list yet, the better known of two alike, and sorts by
 /// rate. Each mode of the list stands for one of the others, so that close eigenvalues stay apart.
-fn merge(list: &mut Vec<Mode>, more: &[Mode]) {
-    let values = |modes: &[Mode]| -> Vec<C> { modes.iter().map(|it| it.value).collect() };
+fn merge(list: &mut Vec<Ritz>, more: &[Ritz]) {
+    let values = |modes: &[Ritz]| -> Vec<C> { modes.iter().map(|it| it.value).collect() };
     let within =
         |i: usize, j: usize| 1e-7 * more[i].value.norm() + 2.0 * (more[i].error + list[j].error);
     let same = partners(&values(more), &values(list), within);
@@ -455,7 +456,7 @@ mod tests {
 
     #[test]
     fn a_mode_that_is_badly_known_takes_no_place_of_one_that_is_known() {
-        let mode = |re: f64, error: f64| Mode {
+        let mode = |re: f64, error: f64| Ritz {
             value: C::new(re, 0.0),
             error,
         };

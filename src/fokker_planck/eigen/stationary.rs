@@ -166,7 +166,7 @@ impl StationaryState {
         };
         let asked = (NAME, !self.given);
         let functions = adaptive::pursue(task(false), asked, limits, progress);
-        let over = |law: &SolvedLaw| law.shortfall.as_ref().map_or(0.0, |it| it.ratio);
+        let over = |law: &SolvedLaw| law.shortfall.as_ref().map_or(0.0, Shortfall::ratio);
         if self.given || functions.as_ref().is_ok_and(|law| over(law) == 0.0) {
             return functions;
         }

@@ -169,8 +169,9 @@ impl FirstPassage {
         let inside = barrier.inside(oscillator)?;
         let forcing = Forcing::of(&inside, initial, &settings.excitation, until)?;
         let layout = Layout::of(&inside, initial, &asked, forcing.as_ref());
-        // A stationary law without a closed form is not known to pass as seldom.
-        let solved_for = asked.reference.is_some() && *initial == Initial::Stationary;
+        // A stationary law without a closed form is not known to pass as seldom, unless all that it lacks is beyond what is next to
+        // never passed.
+        let solved_for = !inside.is_viscous() && *initial == Initial::Stationary;
         let region = Region::new(&inside, barrier);
         let bound = match forcing {
             None if asked.is_free() && !solved_for => Bound::of(&region, initial, until)?,
@@ -419,16 +420,11 @@ impl Question for Task<'_> {
     fn answer(self, stop: Stop) -> Option<FirstLoss> {
         let (best, worst) = self.best?;
         let tolerance = self.problem.asked.tolerance;
-        let untold = worst
-            .untold
-            .filter(|(_, ratio)| ratio.is_nan() || *ratio > 1.0);
-        let untold = untold.map(|(reason, ratio)| Shortfall {
-            number: "rate".into(),
-            ratio,
-            tolerance,
-            free: false,
-            reason: reason.into(),
-        });
+        let rate = |(reason, ratio): (&str, f64)| {
+            let (reason, free) = (reason.into(), false);
+            Stop { reason, free }.shortfall("rate".into(), ratio, tolerance)
+        };
+        let untold = worst.untold.and_then(rate);
         let shortfall = stop
             .shortfall(worst.number, worst.ratio, tolerance)
             .or(untold);

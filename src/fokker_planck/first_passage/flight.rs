@@ -15,6 +15,7 @@
 use crate::damping::mean_decay;
 use crate::error::{Error, Result};
 use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::fokker_planck::adaptive::Stop;
 use crate::gaussian::{lower, normal};
 use crate::oscillator::Oscillator;
 use crate::quadrature;
@@ -35,14 +36,12 @@ impl FlightLaw {
     pub(crate) fn shortfall(&self, tolerance: f64) -> Option<Shortfall> {
         let most = |f: &dyn Fn(&Estimate) -> f64| self.density.iter().map(f).fold(0.0, f64::max);
         let ratio = most(&|it| it.error) / (tolerance * most(&|it| it.value));
-        (ratio > 1.0).then(|| Shortfall {
-            number: "crossings.flight_density".into(),
-            ratio,
-            tolerance,
-            // A closed form: there is nothing to refine.
-            free: false,
+        // A closed form: there is nothing to refine.
+        let stop = Stop {
             reason: "its closed form expands in the friction".into(),
-        })
+            free: false,
+        };
+        stop.shortfall("crossings.flight_density".into(), ratio, tolerance)
     }
 }
 

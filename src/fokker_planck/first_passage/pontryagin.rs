@@ -9,9 +9,9 @@
 
 use super::absorbed::Absorbed;
 use crate::error::{Deadline, Error, Result};
+use crate::fokker_planck::krylov::Krylov;
 use crate::matrix::{dot, norm};
 use crate::sparse;
-use ndarray::Array2;
 use num_complex::Complex;
 
 /// Vectors that a space grows by between two looks at what it holds.
@@ -291,27 +291,16 @@ impl Mode {
     }
 }
 
-/// An orthonormal basis V of the span of some vectors and of powers of B times them, and B in it: B V = V H for all of V but
-/// its last vectors.
-struct Space {
-    basis: Vec<Vec<f64>>,
-    /// Components of the images that are known.
-    images: Vec<Vec<f64>>,
-}
+/// The span of some vectors and of powers of B times them.
+struct Space(Krylov<f64>);
 
 impl Space {
     fn of(from: Vec<Vec<f64>>) -> Result<Self> {
-        let mut basis = Vec::new();
-        for vector in from {
-            push(&mut basis, vector);
-        }
-        if basis.is_empty() {
+        let space = Krylov::spanned_by(from, dot);
+        if space.basis().is_empty() {
             return Err(Error::linear("survival", "nothing is left"));
         }
-        Ok(Self {
-            basis,
-            images: Vec::new(),
-        })
+        Ok(Self(space))
     }
 
     /// By so many images, if there are as many.
@@ -320,10 +309,12 @@ impl Space {
         count: usize,
         apply: &mut dyn FnMut(&[f64]) -> Result<Vec<f64>>,
     ) -> Result<()> {
-        let most = self.images.len() + count;
-        while self.images.len() < most.min(self.basis.len()) {
-            let image = apply(&self.basis[self.images.len()])?;
-            self.images.push(push(&mut self.basis, image));
+        for _ in 0..count {
+            let Some(last) = self.0.last() else {
+                break;
+            };
+            let image = apply(last)?;
+            self.0.push(image, 2, dot, |_| ());
         }
         Ok(())
     }
@@ -352,24 +343,17 @@ impl Space {
                     return Ok(lost);
                 }
             }
-            let full = self.images.len() >= FULL.min(self.basis.len());
+            let full = self.0.size() >= FULL.min(self.0.basis().len());
             if full || modes[0].error() <= enough || modes[0].is_rounding(least) {
                 return Ok(None);
             }
         }
     }
 
-    /// H: a row for each vector, a column for each whose image is known.
-    fn hessenberg(&self) -> Array2<f64> {
-        let at = |(i, k): (usize, usize)| self.images[k].get(i).copied().unwrap_or(0.0);
-        Array2::from_shape_fn((self.basis.len(), self.images.len()), at)
-    }
-
     /// The Ritz vectors of the largest Ritz values, the slowest first.
     fn slowest(&self, count: usize) -> Result<Vec<Mode>> {
-        let (hessenberg, m) = (self.hessenberg(), self.images.len());
-        let square = Array2::from_shape_fn((m, m), |(i, k)| Complex::from(hessenberg[[i, k]]));
-        let (values, vectors) = sparse::eigen(&square)?;
+        let (m, whole) = (self.0.size(), self.0.rows(self.0.basis().len()));
+        let (values, vectors) = sparse::eigen(&self.0.hessenberg().mapv(Complex::from))?;
         // The slowest mode of an absorbed motion is real and positive (Krein and Rutman).
         let mut order: Vec<usize> = (0..m).collect();
         order.sort_by(|a, b| values[*b].re.total_cmp(&values[*a].re));
@@ -383,11 +367,11 @@ impl Space {
                 .unwrap_or_default();
             let phase = top / top.norm();
             let weights: Vec<f64> = column.iter().map(|x| (x / phase).re).collect();
-            let outside = hessenberg.rows().into_iter().skip(m);
+            let outside = whole.rows().into_iter().skip(m);
             let outside = outside.map(|row| row.iter().zip(&column).map(|(h, y)| *h * y).sum());
             let residual = outside.map(|x: Complex<f64>| x.norm_sqr()).sum::<f64>();
             Mode {
-                shape: self.combined(&weights),
+                shape: self.0.combined(&weights),
                 factor: values[*k].re,
                 residual: residual.sqrt() + values[*k].im.abs(),
             }
@@ -397,47 +381,12 @@ impl Space {
 
     /// Adds the V y that leaves least of r - (I - B) V y, r in the span that the space began with.
     fn correct(&self, r: &[f64], sum: &mut [f64]) -> Result<()> {
-        let mut matrix = self.hessenberg().mapv(|x| -x);
+        let basis = self.0.basis();
+        let mut matrix = self.0.rows(basis.len()).mapv(|x| -x);
         matrix.diag_mut().mapv_inplace(|x| x + 1.0);
-        let right: Vec<f64> = self.basis.iter().map(|it| dot(it, r)).collect();
-        let weights = sparse::least_squares(&matrix, &right)?;
-        let more = self.combined(&weights);
+        let right: Vec<f64> = basis.iter().map(|it| dot(it, r)).collect();
+        let more = self.0.combined(&sparse::least_squares(&matrix, &right)?);
         sum.iter_mut().zip(&more).for_each(|(x, y)| *x += y);
         Ok(())
     }
-
-    fn combined(&self, weights: &[f64]) -> Vec<f64> {
-        let mut out = vec![0.0; self.basis[0].len()];
-        for (vector, weight) in self.basis.iter().zip(weights) {
-            out.iter_mut()
-                .zip(vector)
-                .for_each(|(x, v)| *x += weight * v);
-        }
-        out
-    }
-}
-
-/// Makes a vector orthonormal to a basis and appends it, if there is anything left of it; its components.
-fn push(basis: &mut Vec<Vec<f64>>, mut vector: Vec<f64>) -> Vec<f64> {
-    let whole = norm(&vector);
-    let mut components = vec![0.0; basis.len()];
-    // Twice is enough (Giraud et al., Numer. Math. 101, 2005, 87).
-    for _ in 0..2 {
-        for (component, other) in components.iter_mut().zip(&*basis) {
-            let part = dot(other, &vector);
-            *component += part;
-            for (x, v) in vector.iter_mut().zip(other) {
-                *x -= part * v;
-            }
-        }
-    }
-    let left = norm(&vector);
-    if left > 1e-13 * whole {
-        for x in &mut vector {
-            *x /= left;
-        }
-        components.push(left);
-        basis.push(vector);
-    }
-    components
 }

@@ -3,6 +3,7 @@
 use crate::estimate::{Estimate, Origin};
 use serde::Serialize;
 use std::f64::consts::{FRAC_2_PI, TAU};
+use std::ops::RangeInclusive;
 
 /// amplitude cos(k W t + phase).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -16,36 +17,75 @@ pub struct Harmonic {
 impl Harmonic {
     /// Harmonics 1 to `count` of a curve at equally spaced phases from 0 on, at most as many as the curve shows.
     ///
-    /// The k-th coefficient of an error that is nowhere above e is at most 4/pi of the mean of e.
+    /// The k-th coefficient of an error that is nowhere above e is at most 4/pi of the mean of e. Beside it stands what the curve
+    /// has of harmonics that its points take for this one ([`between`]).
     pub(super) fn of(curve: &[Estimate], count: usize) -> Vec<Self> {
-        let n = curve.len();
-        let count = count.min(n.saturating_sub(1) / 2);
-        (1..=count).map(|k| Self::number(curve, k)).collect()
+        shown(curve, count)
+            .map(|k| Self::number(curve, k, 0.0))
+            .collect()
     }
 
-    fn number(curve: &[Estimate], k: usize) -> Self {
-        let n = curve.len() as f64;
-        let (mut cosine, mut sine, mut error) = (0.0, 0.0, 0.0);
-        let mut origin = (0.0, Origin::default());
-        for (j, point) in curve.iter().enumerate() {
-            let angle = TAU * (k * j % curve.len()) as f64 / n;
-            cosine += point.value * angle.cos() * 2.0 / n;
-            sine += point.value * angle.sin() * 2.0 / n;
-            error += 2.0 * FRAC_2_PI * point.error / n;
-            if point.error >= origin.0 {
-                origin = (point.error, point.origin);
-            }
-        }
+    /// Those of the first of two curves, which may be off by this part of what they differ by.
+    pub(super) fn mixed([own, other]: &[Vec<Estimate>; 2], part: f64, count: usize) -> Vec<Self> {
+        let number = |k: usize| {
+            let [a, b] = [own, other].map(|it| coefficient(it.iter(), k));
+            Self::number(own, k, part * (a[0] - b[0]).hypot(a[1] - b[1]))
+        };
+        shown(own, count).map(number).collect()
+    }
+
+    /// The k-th, beside what is known of it to be off.
+    fn number(curve: &[Estimate], k: usize, off: f64) -> Self {
+        let [cosine, sine] = coefficient(curve.iter(), k);
+        let [c, s] = coefficient(curve.iter().step_by(2), k);
+        let aliased = if 4 * k < curve.len() {
+            between(curve, (cosine - c).hypot(sine - s))
+        } else {
+            0.0
+        };
+        let all: f64 = curve.iter().map(|it| it.error).sum();
+        let error = 2.0 * FRAC_2_PI * all / curve.len() as f64 + aliased + off;
+        let largest = curve.iter().max_by(|a, b| a.error.total_cmp(&b.error));
+        let origin = largest.map_or(Origin::default(), |it| it.origin);
         let amplitude = cosine.hypot(sine);
         let phase = if amplitude > error {
-            Estimate::new((-sine).atan2(cosine), (error / amplitude).asin(), origin.1)
+            Estimate::new((-sine).atan2(cosine), (error / amplitude).asin(), origin)
         } else {
-            Estimate::new(f64::NAN, f64::NAN, origin.1)
+            Estimate::new(f64::NAN, f64::NAN, origin)
         };
         Self {
-            amplitude: Estimate::new(amplitude, error, origin.1),
+            amplitude: Estimate::new(amplitude, error, origin),
             phase,
         }
+    }
+}
+
+/// The harmonics that a curve shows, at most so many.
+fn shown(curve: &[Estimate], count: usize) -> RangeInclusive<usize> {
+    1..=count.min(curve.len().saturating_sub(1) / 2)
+}
+
+/// Parts of cos and -sin in a harmonic of equally spaced points.
+fn coefficient<'a>(curve: impl ExactSizeIterator<Item = &'a Estimate>, k: usize) -> [f64; 2] {
+    let n = curve.len();
+    let (mut cosine, mut sine) = (0.0, 0.0);
+    for (j, point) in curve.enumerate() {
+        let angle = TAU * (k * j % n) as f64 / n as f64;
+        cosine += point.value * angle.cos() * 2.0 / n as f64;
+        sine += point.value * angle.sin() * 2.0 / n as f64;
+    }
+    [cosine, sine]
+}
+
+/// Part of what every second point says otherwise that all of them may be off by: harmonics fall.
+const BETWEEN: f64 = 0.25;
+
+/// What a curve may do between its points, if so much is what every second of them says otherwise.
+fn between(curve: &[Estimate], apart: f64) -> f64 {
+    if curve.len().is_multiple_of(2) {
+        BETWEEN * apart
+    } else {
+        0.0
     }
 }
 
@@ -56,7 +96,9 @@ pub(super) fn mean(curve: &[Estimate]) -> Estimate {
     let origin = origin.map_or(Origin::default(), |it| it.origin);
     let value = curve.iter().map(|it| it.value).sum::<f64>() / n;
     let error = curve.iter().map(|it| it.error).sum::<f64>() / n;
-    Estimate::new(value, error, origin)
+    let second = curve.iter().step_by(2);
+    let apart = value - second.clone().map(|it| it.value).sum::<f64>() / second.len() as f64;
+    Estimate::new(value, error + between(curve, apart.abs()), origin)
 }
 
 #[cfg(test)]

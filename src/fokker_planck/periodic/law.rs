@@ -15,6 +15,9 @@ use std::f64::consts::TAU;
 /// Harmonics of E\[q\], E\[v\] and E\[N\] that are told.
 const HARMONICS: usize = 4;
 
+/// Phases at the least at which a law is seen for its harmonics and for its mean: fewer would take one harmonic for another.
+const SEEN: usize = 64;
+
 /// The law that lasts under a drive a cos(W t + phase), at equally spaced phases of it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Periodic {
@@ -54,6 +57,8 @@ pub struct Periodic {
 pub struct MetastableLaw {
     /// Its part of the law that lasts.
     pub probability: Estimate,
+    /// E\[q\] averaged over the phase, which tells two wells apart; None where nobody asked for it.
+    pub displacement: Option<Estimate>,
     /// Harmonics of E\[q\] in it, the first first.
     pub mean_q: Vec<Harmonic>,
     /// Harmonics of E\[N\].
@@ -63,13 +68,23 @@ pub struct MetastableLaw {
 }
 
 impl MetastableLaw {
-    fn of(it: &Metastable) -> Self {
-        let harmonics = |moment| Harmonic::of(&curve(&it.moments, moment), HARMONICS);
+    /// One of two, beside the other.
+    fn of(both: [&Metastable; 2]) -> Self {
+        let curves = |moment| both.map(|it| curve(&it.moments, moment));
+        let harmonics = |moment| Harmonic::mixed(&curves(moment), both[0].mixed, HARMONICS);
+        let averaged = |moment| {
+            let [own, other] = both.map(|it| averaged(&it.moments, moment));
+            own.zip(other).map(|(own, other)| {
+                let mixed = both[0].mixed * (own.value - other.value).abs();
+                Estimate::new(own.value, own.error + mixed, own.origin)
+            })
+        };
         Self {
-            probability: it.probability,
+            probability: both[0].probability,
+            displacement: averaged(Moment::MeanQ),
             mean_q: harmonics(Moment::MeanQ),
             mean_force: harmonics(Moment::MeanForce),
-            contact_loss_probability: lost(&it.moments),
+            contact_loss_probability: averaged(Moment::ContactLossProbability),
         }
     }
 }
@@ -79,17 +94,19 @@ fn curve(moments: &[Moments], moment: Moment) -> Vec<Estimate> {
     moments.iter().filter_map(|at| at.get(moment)).collect()
 }
 
-/// P(loss) averaged over the phase.
-fn lost(moments: &[Moments]) -> Option<Estimate> {
-    let lost = curve(moments, Moment::ContactLossProbability);
-    (!lost.is_empty()).then(|| mean(&lost))
+/// One number averaged over the phase.
+fn averaged(moments: &[Moments], moment: Moment) -> Option<Estimate> {
+    let curve = curve(moments, moment);
+    (!curve.is_empty()).then(|| mean(&curve))
 }
 
 /// How a periodic law will be computed.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PeriodicLaw {
     recipe: Recipe,
+    /// Equally spaced over a period from phase 0 on; `each`-th are those asked for.
     times: Vec<f64>,
+    each: usize,
     /// Those at which the density is kept.
     maps: Vec<f64>,
 }
@@ -104,12 +121,18 @@ impl PeriodicLaw {
         (phases, maps): (usize, usize),
         settings: &Settings,
     ) -> Result<Self> {
-        let (recipe, times) = Recipe::lasting(oscillator, phases, settings)?;
+        // An even number, for every second to be held against all.
+        let each = SEEN
+            .div_ceil(phases.max(1))
+            .next_multiple_of(1 + phases % 2);
+        let (recipe, times) = Recipe::lasting(oscillator, (phases, each), settings)?;
         let maps = maps.min(phases);
+        let map = |k: usize| times[k * phases / maps * each];
         Ok(Self {
             recipe,
-            maps: (0..maps).map(|k| times[k * phases / maps]).collect(),
+            maps: (0..maps).map(map).collect(),
             times,
+            each,
         })
     }
 
@@ -153,7 +176,7 @@ impl PeriodicLaw {
         let question = (oscillator, &Initial::Stationary);
         let times = (&self.times[..], &self.maps[..]);
         let it = self.recipe.solve(question, times, limits, progress)?;
-        let mut law = Periodic::of(it);
+        let mut law = Periodic::of(it, self.each);
         let flies = |it: &Estimate| it.value > it.error;
         if oscillator.continuous_from() == Some(0.0)
             && law.contact_loss_probability.as_ref().is_some_and(flies)
@@ -190,22 +213,26 @@ impl Periodic {
         ]
     }
 
-    fn of(it: Transient) -> Self {
-        let n = it.times.len();
+    /// Every `each`-th phase of a law, from the first on.
+    fn of(mut it: Transient, each: usize) -> Self {
+        let (n, first) = (it.times.len() / each, it.times[0]);
+        for map in &mut it.densities {
+            map.t -= first;
+        }
+        let floquet = it.floquet.unwrap_or_default();
         let harmonics = |moment| Harmonic::of(&curve(&it.moments, moment), HARMONICS);
         Self {
             phase: (0..n).map(|k| TAU * k as f64 / n as f64).collect(),
             mean_q: harmonics(Moment::MeanQ),
             mean_v: harmonics(Moment::MeanV),
             mean_force: harmonics(Moment::MeanForce),
-            contact_loss_probability: lost(&it.moments),
-            metastable: it
+            contact_loss_probability: averaged(&it.moments, Moment::ContactLossProbability),
+            metastable: floquet
                 .metastable
-                .as_ref()
-                .map(|it| [0, 1].map(|k| MetastableLaw::of(&it[k]))),
-            moments: it.moments,
-            multipliers: it.multipliers,
-            residual: it.residual,
+                .map(|[a, b]| [[&a, &b], [&b, &a]].map(MetastableLaw::of)),
+            moments: it.moments.into_iter().step_by(each).collect(),
+            multipliers: floquet.multipliers,
+            residual: floquet.residual,
             densities: it.densities,
             method: it.method,
             shortfall: it.shortfall,

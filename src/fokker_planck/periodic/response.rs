@@ -3,7 +3,7 @@
 use super::harmonics::Harmonic;
 use super::law::{MetastableLaw, Periodic, PeriodicLaw};
 use crate::error::{Error, Result, ascending};
-use crate::estimate::{Estimate, Origin, Shortfall};
+use crate::estimate::{Estimate, Lack, Origin, Shortfall};
 use crate::excitation::Excitation;
 use crate::fokker_planck::budget::{Cost, Limits};
 use crate::fokker_planck::settings::Settings;
@@ -234,10 +234,12 @@ impl ResponseCurve {
         let short = laws.iter().zip(&self.frequencies);
         let short = short.filter_map(|(law, w)| Some((w, law.shortfall.clone()?)));
         let shortfall = short
-            .max_by(|(_, a), (_, b)| a.ratio.total_cmp(&b.ratio))
-            .map(|(w, it)| Shortfall {
-                number: format!("{} of the law at the frequency {w}", it.number),
-                ..it
+            .max_by(|(_, a), (_, b)| a.ratio().total_cmp(&b.ratio()))
+            .map(|(w, mut it)| {
+                if let Lack::Accuracy { number, .. } = &mut it.lack {
+                    *number = format!("{number} of the law at the frequency {w}");
+                }
+                it
             });
         Ok(Response {
             frequency: self.frequencies.clone(),
@@ -247,11 +249,7 @@ impl ResponseCurve {
             contact_loss_probability: lost,
             multiplier: laws.iter().zip(&recipes).map(slowest).collect(),
             sweeps: Sweep::both(&laws),
-            warnings: shortfall
-                .iter()
-                .map(Shortfall::to_string)
-                .chain(self.rivals(&recipes, &laws))
-                .collect(),
+            warnings: self.rivals(&recipes, &laws).into_iter().collect(),
             shortfall,
         })
     }

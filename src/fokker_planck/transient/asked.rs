@@ -28,6 +28,8 @@ pub(super) struct Asked<'a> {
     pub(super) forcing: Option<&'a Arc<Forcing>>,
     /// The period of a law that lasts.
     pub(super) period: Option<f64>,
+    /// Of the times every so many is asked for itself, the others for the harmonics of a period.
+    pub(super) each: usize,
 }
 
 impl Asked<'_> {
@@ -256,6 +258,7 @@ pub fn mesh(
         settings,
         forcing: None,
         period: None,
+        each: 1,
     };
     let layout = asked.laid_out()?.0;
     let finer = finer

@@ -5,6 +5,7 @@ use super::cost;
 use super::recipe::{FirstGrid, RUNGS, Recipe, Scheme};
 use super::time_scheme::time_scheme;
 use crate::error::{Error, Result};
+use crate::excitation::Excitation;
 use crate::fokker_planck::budget::Cost;
 use crate::fokker_planck::domain::{Domain, start_outside};
 use crate::fokker_planck::flow_map::FlowMap;
@@ -55,17 +56,19 @@ impl Recipe {
             settings,
             forcing: forcing.as_ref(),
             period: None,
+            each: 1,
         };
         asked.recipe()
     }
 
-    /// The recipe for the law that lasts under the drive of the settings, and the times of so many equal phases of its period.
+    /// The recipe for the law that lasts under the drive of the settings, and the times of so many equal phases of its period, with
+    /// others between them: `each`-th are asked for.
     ///
     /// # Errors
     /// As [`Recipe::of`]; [`Error::Invalid`] without a drive or a phase.
     pub(crate) fn lasting(
         oscillator: &Oscillator,
-        phases: usize,
+        (phases, each): (usize, usize),
         settings: &Settings,
     ) -> Result<(Self, Vec<f64>)> {
         if phases == 0 {
@@ -77,9 +80,18 @@ impl Recipe {
             return Err(Error::invalid("excitation.drive", "none", accepted));
         };
         check_friction(oscillator)?;
+        // The phase of the drive moves the origin of time, and has no say in what is found.
+        let settings = &Settings {
+            excitation: Excitation {
+                drive: Some(drive.undelayed()),
+                envelope: settings.excitation.envelope.clone(),
+            },
+            ..settings.clone()
+        };
         let forcing = Forcing::lasting(oscillator, &settings.excitation)?.map(Arc::new);
-        let phase = |k: usize| drive.period() * k as f64 / phases as f64;
-        let times: Vec<f64> = (0..phases).map(phase).collect();
+        let count = phases * each;
+        let phase = |k: usize| drive.delay() + drive.period() * k as f64 / count as f64;
+        let times: Vec<f64> = (0..count).map(phase).collect();
         let asked = Asked {
             oscillator,
             initial: &Initial::Stationary,
@@ -87,6 +99,7 @@ impl Recipe {
             settings,
             forcing: forcing.as_ref(),
             period: Some(drive.period()),
+            each,
         };
         Ok((asked.recipe()?, times))
     }
@@ -142,6 +155,7 @@ impl Asked<'_> {
             first_grid,
             forcing: self.forcing.cloned(),
             period: self.period,
+            each: self.each,
             expected,
             ahead: self.rung_of_domain()? - expected,
             layout,

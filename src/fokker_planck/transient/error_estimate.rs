@@ -183,9 +183,11 @@ pub(super) fn outside(task: &Task, fine: &Run, coarse: &Run) -> f64 {
     outside.max(gone)
 }
 
-/// Error estimate over a difference of runs on a rung: the fewer the cells, the more the next order adds to the leading one.
+/// Error estimate over a difference of runs on a rung: the fewer the cells, the more the next order adds to the leading one. A
+/// leading error of low order is more than a difference.
 fn safety(rung: &Rung) -> f64 {
-    SAFETY.get() * (1.0 + 1.0 / rung.per_deviation)
+    let falls = LADDER_RATIO.get().powi(rung.drift().order() as i32);
+    SAFETY.get() * (1.0 / (falls - 1.0)).max(1.0) * (1.0 + 1.0 / rung.per_deviation)
 }
 
 /// What the differences of three runs, `stride` rungs apart, say of the error of the finest. No order is believed: runs

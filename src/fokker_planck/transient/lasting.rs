@@ -3,15 +3,17 @@
 use super::output::Output;
 use super::propagator::{self, Propagator};
 use super::recipe::Rung;
-use super::run::{Floquet, Run, Side, Task, believable};
+use super::run::{OverAPeriod, Run, Side, Task, believable};
 use crate::error::Result;
 use crate::fokker_planck::budget;
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::fixed_point::{self, Fixed, Goal};
+use crate::fokker_planck::flux::Weights;
 use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
 use crate::fokker_planck::policy::SHARE;
+use crate::moments::Moment;
 use std::sync::Arc;
 
 /// Most vectors of the Krylov space, and the part of the memory that they may take.
@@ -19,7 +21,7 @@ const VECTORS: usize = 240;
 const MEMORY: f64 = 0.5;
 
 impl Task<'_> {
-    /// One run of a recipe, of the law that lasts where there is a period; `times` are then those of its phases, from 0 on.
+    /// One run of a recipe, of the law that lasts where there is a period; `times` are then those of its phases.
     pub(super) fn once(&self, rung: &Rung, times: &[f64], progress: &dyn Fn(f64)) -> Result<Run> {
         match rung.period {
             None => self.run(rung, times, progress),
@@ -77,11 +79,20 @@ impl Task<'_> {
         };
         let fixed = periods(&mut propagator, &mut density, period, goal)?;
         progress(0.9);
-        let law = density.clone();
+        let law = density;
         // In L1, of the law itself.
         let left = fixed.residual / (1.0 - fixed.slowest).max(1e-9);
         let steps = propagator.steps();
-        let mut outputs = self.through(&mut propagator, &observables, density, times)?;
+        // What is between the phases asked for cuts no steps to these.
+        let asked = |(k, _): &(usize, f64)| k.is_multiple_of(self.recipe.each);
+        let (asked, between): (Vec<_>, Vec<_>) = folded(times, period).into_iter().partition(asked);
+        let mut outputs = self.through(&mut propagator, &observables, &law, times, &asked)?;
+        let mut others = self.through(&mut propagator, &observables, &law, times, &between)?;
+        for (_, output) in &mut others {
+            output.moments.keep_of(&Moment::OVER_A_PERIOD);
+        }
+        outputs.append(&mut others);
+        let mut outputs = in_order(outputs);
         // Those that made the law, whatever its phase: of one period.
         let of_period = rung.flow_map().steps(period) as u64;
         for output in &mut outputs {
@@ -110,7 +121,7 @@ impl Task<'_> {
             unknowns: propagator.unknowns(),
             settled: None,
             lacking: propagator.lacking(),
-            floquet: Some(Floquet {
+            over_a_period: Some(OverAPeriod {
                 multipliers: fixed.modes.eigenvalues,
                 residual: fixed.residual,
                 metastable,
@@ -119,24 +130,27 @@ impl Task<'_> {
         })
     }
 
-    /// What a density at time 0 becomes at the times.
+    /// What the law of time 0 becomes at some of the times, which are these within the first period.
     fn through(
         &self,
         propagator: &mut Propagator,
         observables: &Observables,
-        mut density: Density,
+        law: &Density,
         times: &[f64],
-    ) -> Result<Vec<Output>> {
+        some: &[(usize, f64)],
+    ) -> Result<Vec<(usize, Output)>> {
         propagator.set_time(0.0);
-        let (mut now, law) = (0.0, [propagator.reference()]);
-        let output = |&t: &f64| {
+        let (mut density, mut now) = (law.clone(), 0.0);
+        let against = [propagator.reference()];
+        let output = |&(k, t): &(usize, f64)| {
             if t > now {
                 propagator.advance(&mut density, t - now, &mut |_, _| Ok(true))?;
                 now = t;
             }
-            Ok(self.observe(t, propagator, observables, (&density, &law)))
+            let of = (&density, &against[..]);
+            Ok((k, self.observe(times[k], propagator, observables, of)))
         };
-        times.iter().map(output).collect()
+        some.iter().map(output).collect()
     }
 
     /// The two laws that `law` is made of: what a motion comes to about either orbit once all else has faded, when so much of
@@ -169,27 +183,82 @@ impl Task<'_> {
         let alike = dot(&apart, &apart) < SAME * SAME * dot(slow, slow);
         let same =
             (a.value - b.value).norm() <= a.error + b.error + goal.eigenvalue * (1.0 - a.value.re);
-        if !(alike && same && ratio > 0.0) {
+        let unlike = starts.map(|start| unlike(law, slow, start, propagator.weights()));
+        let unlike: f64 = unlike.iter().sum();
+        if !(alike && same && ratio > 0.0 && unlike.is_finite() && a.value.re > 0.0) {
             return Ok(None);
         }
+        let fading = a.value.re.ln() / period;
         let mut side = |probability: f64, law: &Density, slow: &[f64]| -> Result<Side> {
             let mut density = law.clone();
             for (p, slow) in density.cells_mut().iter_mut().zip(slow) {
                 *p += left * slow;
             }
-            let outputs = self.through(propagator, observables, density, times)?;
+            let (mut both, mut now) = ([law.clone(), density], 0.0);
+            let moments = folded(times, period).into_iter().map(|(k, t)| {
+                for density in both.iter_mut().filter(|_| t > now) {
+                    propagator.set_time(now);
+                    propagator.advance(density, t - now, &mut |_, _| Ok(true))?;
+                }
+                now = t;
+                // Without what passes meanwhile it is one law, and periodic.
+                let [law, own] = &both;
+                let mut density = law.clone();
+                let cells = density.cells_mut().iter_mut().zip(own.cells());
+                for (p, own) in cells {
+                    *p += (own - *p) * (-fading * t).exp();
+                }
+                let of = (&density, &[propagator.reference()][..]);
+                let output = self.observe(times[k], propagator, observables, of);
+                Ok((k, output.moments))
+            });
             Ok(Side {
                 probability,
-                moments: outputs.iter().map(|it| it.moments).collect(),
+                unlike,
+                moments: in_order(moments.collect::<Result<_>>()?),
             })
         };
-        let mut sides = [
-            side(ratio / (1.0 + ratio), &own, slow)?,
-            side(1.0 / (1.0 + ratio), law, &other)?,
-        ];
+        let part = ratio / (1.0 + ratio);
+        let mut sides = [side(part, &own, slow)?, side(1.0 - part, law, &other)?];
         sides.rotate_left(rare);
         Ok(Some(sides))
     }
+}
+
+/// The times of a periodic law within the first period, in their order there, each with its place.
+fn folded(times: &[f64], period: f64) -> Vec<(usize, f64)> {
+    let mut all: Vec<(usize, f64)> = times.iter().map(|t| t % period).enumerate().collect();
+    all.sort_by(|a, b| a.1.total_cmp(&b.1));
+    all
+}
+
+/// Each at its place.
+fn in_order<T>(mut all: Vec<(usize, T)>) -> Vec<T> {
+    all.sort_by_key(|it| it.0);
+    all.into_iter().map(|it| it.1).collect()
+}
+
+/// Part of the peak of a law below which what a mode is over it is not looked at.
+const LEVEL: f64 = 1e-6;
+
+/// By which part a mode, over the law one level about an orbit, has another one in a start about it than in the midst of that: so
+/// much of the start may belong to the other orbit.
+fn unlike(law: &Density, mode: &[f64], start: &Density, weights: &Weights) -> f64 {
+    let least = LEVEL * law.cells().iter().copied().fold(0.0, f64::max);
+    let area = weights
+        .q
+        .iter()
+        .flat_map(|q| weights.v.iter().map(move |v| q * v));
+    let cells = area.zip(law.cells()).zip(mode).zip(start.cells());
+    let level = |power: i32| {
+        let about = cells.clone().filter(|(((_, law), _), _)| **law > least);
+        let (sum, all) = about.fold((0.0, 0.0), |(sum, all), (((area, law), mode), start)| {
+            let part = area * start.powi(power);
+            (sum + part * mode / law, all + part)
+        });
+        sum / all
+    };
+    (1.0 - level(1) / level(4)).abs()
 }
 
 /// Two solutions mean one mode if what they say of it differs by less than this part.

@@ -8,6 +8,7 @@ mod cost;
 mod curve;
 mod decide;
 mod error_estimate;
+mod floquet;
 mod followed;
 mod ladder;
 mod lasting;
@@ -21,15 +22,18 @@ mod run;
 mod solve;
 mod start_up;
 mod time_scheme;
+mod upwind;
 
 #[doc(hidden)]
 pub use asked::mesh;
+pub(crate) use floquet::Metastable;
+pub use floquet::Multiplier;
 #[doc(hidden)]
 pub use propagator::time_integration;
 pub(crate) use reach::Reach;
 pub use reach::Reached;
 pub(crate) use recipe::Recipe;
-pub use report::{Metastable, Multiplier, Transient};
+pub use report::Transient;
 pub use solve::transient;
 #[doc(hidden)]
 pub use solve::{transient_cost, uncertified, uncertified_periodic};

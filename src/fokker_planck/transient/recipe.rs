@@ -61,6 +61,8 @@ pub(crate) struct Recipe {
     pub(crate) forcing: Option<Arc<Forcing>>,
     /// The period of the drive, where the law that lasts is asked for and not the transient.
     pub(crate) period: Option<f64>,
+    /// Of its phases every so many is asked for itself, the others for harmonics and the mean of P(loss).
+    pub(crate) each: usize,
     /// The domain and cells of the rung at which the tolerance is expected, and the stencil. Cells that the scene
     /// leaves open are one a deviation here.
     pub(crate) layout: Layout,

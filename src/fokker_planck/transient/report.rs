@@ -1,14 +1,14 @@
 //! The answer of a transient: two runs joined, every number with its error.
 
 use super::error_estimate::{Errors, outside};
+use super::floquet::Floquet;
 use super::output::Output;
 use super::run::{Run, Task};
 use crate::estimate::{Estimate, Origin, Shortfall, name_at};
 use crate::fokker_planck::adaptive::Stop;
 use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::Snapshot;
-use crate::fokker_planck::fixed_point::Ritz;
-use crate::fokker_planck::policy::{SAFETY, SETTLED};
+use crate::fokker_planck::policy::SETTLED;
 use crate::fokker_planck::settings::Method;
 use crate::moments::{Moment, Moments};
 use std::f64::consts::TAU;
@@ -35,111 +35,30 @@ pub struct Transient {
     pub densities: Vec<Snapshot>,
     /// What it was computed with.
     pub method: Method,
-    /// Of a law that lasts under a drive: the largest eigenvalues of the map over one period but 1.
-    pub multipliers: Vec<Multiplier>,
-    /// Of the same: the L1 distance to itself a period later.
-    pub residual: f64,
-    /// Of the same: the two laws that it is made of, where noise passes from one orbit to the other ten times more slowly
-    /// than anything else fades.
-    pub metastable: Option<[Metastable; 2]>,
+    /// Of a law that lasts under a drive: what the map over a period says beside it.
+    pub(crate) floquet: Option<Floquet>,
     /// What the tolerance asked for and was not reached.
     pub shortfall: Option<Shortfall>,
     /// What the reader should know.
     pub warnings: Vec<String>,
 }
 
-/// An eigenvalue of the map over one period: what is left of a deviation from the periodic law a period later.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
-pub struct Multiplier {
-    /// Real part.
-    pub re: f64,
-    /// Imaginary part, not negative: of a conjugate pair one is listed.
-    pub im: f64,
-    /// Error of |re + i im|.
-    pub error: f64,
-}
-
-impl Multiplier {
-    /// |re + i im|, below 1 but for its error.
-    pub fn modulus(&self) -> f64 {
-        self.re.hypot(self.im)
+impl Transient {
+    /// Leaves the numbers of these times only, the densities as they are.
+    pub(crate) fn keep_times(&mut self, times: &[f64]) {
+        fn keep<T>(items: &mut Vec<T>, kept: &[bool]) {
+            let mut kept = kept.iter();
+            items.retain(|_| kept.next().copied().unwrap_or(true));
+        }
+        let kept: Vec<bool> = self.times.iter().map(|t| times.contains(t)).collect();
+        keep(&mut self.times, &kept);
+        keep(&mut self.moments, &kept);
+        keep(&mut self.mass, &kept);
+        keep(&mut self.lowest_density, &kept);
+        keep(&mut self.negative_mass, &kept);
+        keep(&mut self.relative_entropy, &kept);
+        keep(&mut self.distance, &kept);
     }
-}
-
-/// What noise makes of one of two orbits under a drive, for as long as it leaves a motion there. The tolerance does not bind
-/// it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Metastable {
-    /// Its part of the law that lasts.
-    pub probability: Estimate,
-    /// Moments at the times of that law.
-    pub moments: Vec<Moments>,
-}
-
-/// The metastable laws of the finer of two runs. Their errors are those of the law that they make up, what the mode of the
-/// passage lacks, and the change from the coarser run, twice, as with the multipliers.
-fn metastable(fine: &Run, coarse: &Run, law: &[Moments]) -> Option<[Metastable; 2]> {
-    let (fine, coarse) = (fine.floquet.as_ref()?, coarse.floquet.as_ref()?);
-    let [slowest, next, ..] = &fine.multipliers[..] else {
-        return None;
-    };
-    let [slow, fast] = [slowest, next].map(|it| it.value.norm());
-    let mixed = slowest.error / (slow - fast);
-    let (sides, before) = (fine.metastable.as_ref()?, coarse.metastable.as_ref()?);
-    let joined = |k: usize| {
-        let (side, before, other) = (&sides[k], &before[k], &sides[1 - k]);
-        let error = |value: f64, before: f64, apart: f64, own: f64| {
-            let error = own + left(UNKNOWN) * (value - before).abs() + mixed * apart.abs();
-            Estimate::new(value, error, Origin::Space)
-        };
-        let rows = side.moments.iter().zip(&before.moments);
-        let rows = rows.zip(other.moments.iter().zip(law));
-        let moments = rows.map(|((here, before), (other, law))| {
-            let mut here = *here;
-            for (number, it) in here.each_mut().into_iter().zip(Moment::ALL) {
-                if let (Some(number), [Some(before), Some(other), Some(law)]) =
-                    (number, [before, other, law].map(|all| all.get(it)))
-                {
-                    let apart = number.value - other.value;
-                    *number = error(number.value, before.value, apart, law.error);
-                }
-            }
-            here
-        });
-        let share = side.probability;
-        Metastable {
-            probability: error(share, before.probability, share * (1.0 - share), 0.0),
-            moments: moments.collect(),
-        }
-    };
-    Some([joined(0), joined(1)])
-}
-
-/// The multipliers of the finer of two runs, from the slowest on as far as they are known, and how many times waves of the mesh
-/// grow in a period. Their errors are those of the Krylov space, the distance to the nearest one of the coarser run, as that of a
-/// number, and what both err alike, where a period has about as many steps in both.
-fn multipliers([fine, coarse]: [&Run; 2], alike: f64) -> (Vec<Multiplier>, Option<f64>) {
-    let (Some(fine), Some(coarse)) = (&fine.floquet, &coarse.floquet) else {
-        return (Vec::new(), None);
-    };
-    let multiplier = |it: &Ritz| {
-        let distances = coarse.multipliers.iter();
-        let distances = distances.map(|other| (other.value - it.value).norm());
-        let nearest = distances.fold(f64::INFINITY, f64::min);
-        Multiplier {
-            re: it.value.re,
-            im: it.value.im,
-            error: it.error + SAFETY.get() * nearest + alike * it.value.norm(),
-        }
-    };
-    // One that is not known to a tenth, or not from zero, is not known.
-    let known = |it: &Multiplier| it.error < it.modulus().min(0.1);
-    let all = fine.multipliers.iter().map(multiplier);
-    // What is above 1 by more than its error is no motion's, as smooth as it may be.
-    let beyond_one = |it: &Multiplier| it.modulus() - it.error >= 1.0;
-    let (waves, own): (Vec<_>, Vec<_>) = all.partition(beyond_one);
-    let growing = waves.iter().find(|it| known(it)).map(Multiplier::modulus);
-    (own.into_iter().take_while(known).collect(), growing)
 }
 
 impl Task<'_> {
@@ -167,9 +86,8 @@ impl Task<'_> {
         for (k, moments) in moments.iter_mut().enumerate() {
             errors.write(k, moments);
         }
-        let metastable = metastable(&fine, coarse, &moments);
-        let (multipliers, growing) = multipliers([&fine, coarse], errors.alike());
-        if let Some(it) = growing {
+        let floquet = Floquet::joined([&fine, coarse], &moments, errors.alike());
+        if let Some(it) = floquet.as_ref().and_then(|it| it.growing) {
             warnings.push(format!(
                 "waves of the mesh grow {it:.2} times in a period: the law is a fixed point all the same, and these multipliers are left out"
             ));
@@ -178,11 +96,13 @@ impl Task<'_> {
         let tolerance = self.recipe.tolerance;
         let (name, t) = (moments[k].named()[i].0, fine.outputs[k].t);
         let number = match self.recipe.period {
-            Some(period) => format!("{name} at phase {:.4}", TAU * t / period),
+            Some(period) => {
+                let phase = TAU * (t - fine.outputs[0].t) / period;
+                format!("{name} at phase {phase:.4}")
+            }
             None => name_at(name, t),
         };
         let shortfall = stop.shortfall(number, worst / tolerance, tolerance);
-        warnings.extend(shortfall.iter().map(Shortfall::to_string));
         if let Some(t) = fine.settled.filter(|t| *t < self.until()) {
             warnings.push(format!(
                 "at t = {t:.1} the density was within {:.0e} of the stationary law in L1: time integration \
@@ -239,9 +159,7 @@ impl Task<'_> {
                 steps: fine.steps + coarse.steps,
                 neglected: outside,
             },
-            multipliers,
-            residual: fine.floquet.as_ref().map_or(0.0, |it| it.residual),
-            metastable,
+            floquet,
             shortfall,
             densities: fine
                 .outputs

@@ -10,8 +10,8 @@ use crate::fokker_planck::budget::{self, Cost, Limits};
 use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::domain::Domain;
-use crate::fokker_planck::fixed_point::Ritz;
 use crate::fokker_planck::integrators::Late;
+use crate::fokker_planck::krylov::Ritz;
 use crate::fokker_planck::layout;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
@@ -37,12 +37,12 @@ pub(super) struct Run {
     /// What friction lacked of itself on cells too coarse for it, on the average over the density.
     pub(super) lacking: f64,
     /// Of the law that lasts under a drive.
-    pub(super) floquet: Option<Floquet>,
+    pub(super) over_a_period: Option<OverAPeriod>,
 }
 
 /// What the map over one period says beside its fixed point.
 #[derive(Debug, Clone)]
-pub(super) struct Floquet {
+pub(super) struct OverAPeriod {
     /// Its largest eigenvalues but 1.
     pub(super) multipliers: Vec<Ritz>,
     /// Change of the law over a period, in L1.
@@ -56,6 +56,8 @@ pub(super) struct Floquet {
 pub(super) struct Side {
     /// Its part of the law that lasts.
     pub(super) probability: f64,
+    /// The part of it that may be the other's.
+    pub(super) unlike: f64,
     /// Its moments at the output times.
     pub(super) moments: Vec<Moments>,
 }
@@ -263,7 +265,7 @@ impl Task<'_> {
             unknowns: propagator.unknowns(),
             settled,
             lacking: propagator.lacking(),
-            floquet: None,
+            over_a_period: None,
         })
     }
 
@@ -401,6 +403,6 @@ fn started_up(outputs: Vec<Output>, start_up: &StartUp) -> Result<Run> {
         domain: start_up.domain(),
         settled: None,
         lacking: 0.0,
-        floquet: None,
+        over_a_period: None,
     })
 }

@@ -26,6 +26,9 @@ pub(crate) fn passage(results: &Results) -> Picture {
     curves(results, ("passage.svg", &title), (solved, paths))
 }
 
+/// Where no more than this is lost in all, the curve is that of what is lost: beside 1 it would not show.
+const RARE: f64 = 0.02;
+
 fn curves(
     results: &Results,
     (file, title): (&str, &str),
@@ -34,7 +37,13 @@ fn curves(
     let it = solved.as_ref()?;
     let time = results.scene.clock().axis();
     let until = it.times[it.times.len() - 1];
-    let (linear, survival_band) = with_band(&it.times, it.survival.iter().copied());
+    let rare = it.lost.last().is_some_and(|it| it.value < RARE);
+    let (label, shown) = if rare {
+        ("1 \u{2212} survival", &it.lost)
+    } else {
+        ("survival", &it.survival)
+    };
+    let (linear, survival_band) = with_band(&it.times, shown.iter().copied());
     let (density, density_band) = with_band(&it.times, it.density.iter().copied());
     let log = |p: f64| p.max(1e-300).log10();
     let logarithmic: Points = density.into_iter().map(|(t, p)| (t, log(p))).collect();
@@ -57,7 +66,7 @@ fn curves(
     };
     Some(picture(file, (990, 420), |area| {
         left.title(area, title)?;
-        left.axes(area, time, "survival")?;
+        left.axes(area, time, label)?;
         right.axes(area, time, "density")?;
         left.band(area, &survival_band, BLUE)?;
         left.curve(area, &linear, BLUE, 1.5)?;
@@ -67,7 +76,9 @@ fn curves(
             // Dots apart enough to be told from each other.
             let each = paths.times.len().div_ceil(40);
             for (k, t) in paths.times.iter().enumerate().skip(each).step_by(each) {
-                left.dot(area, (*t, paths.survival[k].value), VERMILION, 2.0)?;
+                let survival = paths.survival[k].value;
+                let y = if rare { 1.0 - survival } else { survival };
+                left.dot(area, (*t, y), VERMILION, 2.0)?;
                 // A mean since the time before stands in the middle.
                 let middle = 0.5 * (t + paths.times[k - 1]);
                 let y = log(paths.density[k].value);
@@ -78,7 +89,12 @@ fn curves(
         right.frame(area)?;
         let sampled = paths.iter().map(|_| (VERMILION, Mark::Dot, "paths"));
         let entries = [(BLUE, Mark::Line, "backward equation, band: its error")].into_iter();
-        legends(area, (left.right() - 272.0, 62.0), entries.chain(sampled))
+        let x = if rare {
+            left.left + 14.0
+        } else {
+            left.right() - 272.0
+        };
+        legends(area, (x, 62.0), entries.chain(sampled))
     }))
 }
 

@@ -51,6 +51,21 @@ pub(super) fn place(k: usize) -> [f64; 4] {
     [92.0 + 478.0 * column, 44.0 + 298.0 * row, 374.0, 236.0]
 }
 
+/// Width of a digit below an axis, in pixels.
+const DIGIT: f64 = 7.5;
+
+/// Length of the longest number, in pixels.
+fn longest(marks: &[(f64, String)]) -> f64 {
+    let digits = marks.iter().map(|it| it.1.chars().count()).max();
+    DIGIT * digits.unwrap_or(0) as f64
+}
+
+/// How far apart marks are; infinitely far where there is one.
+fn step(marks: &[(f64, String)]) -> f64 {
+    let pairs = marks.windows(2).map(|pair| pair[1].0 - pair[0].0);
+    pairs.fold(f64::INFINITY, f64::min)
+}
+
 /// Axes: a rectangle in pixels and what it shows.
 #[derive(Debug, Clone)]
 pub struct Panel {
@@ -111,6 +126,17 @@ impl Panel {
         self.left + self.width
     }
 
+    /// As many as there is room for.
+    fn x_ticks(&self) -> Vec<(f64, String)> {
+        let most = (self.width / 60.0).clamp(2.0, 8.0) as usize;
+        let fit = |marks: &Vec<(f64, String)>| {
+            let room = self.width * step(marks) / (self.x.1 - self.x.0);
+            room > longest(marks) + DIGIT
+        };
+        let mut fewer = (1..=most).rev().map(|count| ticks(self.x, count));
+        fewer.find(fit).unwrap_or_else(|| ticks(self.x, 1))
+    }
+
     fn y_ticks(&self) -> Vec<(f64, String)> {
         let count = if self.log {
             (self.height / 26.0).max(2.0)
@@ -122,8 +148,7 @@ impl Panel {
 
     /// Grid, frame, numbers and labels. An empty label leaves that axis without numbers.
     pub fn axes(&self, area: &Area<'_>, x_label: &str, y_label: &str) -> Drawn {
-        let count = (self.width / 60.0).clamp(2.0, 8.0) as usize;
-        let marks = [ticks(self.x, count), self.y_ticks()];
+        let marks = [self.x_ticks(), self.y_ticks()];
         self.grid(area, marks, [x_label, y_label].map(|it| !it.is_empty()))?;
         self.labels(area, x_label, y_label)
     }
@@ -160,7 +185,8 @@ impl Panel {
         let middle = self.left + 0.5 * self.width;
         let font = (15.5, Hang::Middle, INK);
         write(area, x_label, (middle, self.bottom() + 32.0), font)?;
-        let at = (self.left - 64.0, self.top + 0.5 * self.height);
+        let beside = (longest(&self.y_ticks()) + 21.0).max(64.0);
+        let at = (self.left - beside, self.top + 0.5 * self.height);
         styled(area, y_label, at, font, FontTransform::Rotate270)
     }
 

@@ -1,6 +1,6 @@
 //! Tables of what a drive does: the law that lasts under it, and the response over its frequency.
 
-use super::table::{Table, shown};
+use super::table::{Table, complex, shown};
 use crate::estimate::{Estimate, Origin};
 use crate::format::{brief, spread};
 use crate::results::Results;
@@ -24,21 +24,23 @@ pub(super) fn periodic(results: &Results) -> Option<String> {
     if let Some(lost) = it.contact_loss_probability {
         others.numbers("P(loss) over a period".into(), [Some(lost)]);
     }
+    let mut laws = Table::of(["", "probability", "E[q]", "|E[q]|, harmonic 1", "P(loss)"]);
     for law in it.metastable.iter().flatten() {
-        let words = "probability of the motion about one of two orbits";
-        others.numbers(words.into(), [Some(law.probability)]);
+        let first = law.mean_q.first().map(|it| it.amplitude);
+        let lost = law.contact_loss_probability;
+        let numbers = [Some(law.probability), law.displacement, first, lost];
+        laws.numbers("about one of two orbits".into(), numbers);
     }
+    let mut multipliers = Table::of(["", "real part", "imaginary part", "modulus"]);
     for (k, it) in (1..).zip(&it.multipliers) {
-        let part = |value: f64| shown(Some(Estimate::new(value, it.error, Origin::Space)));
-        let imaginary = match it.im {
-            0.0 => String::new(),
-            im => format!(" and {} i", part(im)),
-        };
-        let value = format!("{}{imaginary}", part(it.re));
-        others.put([format!("Floquet multiplier {k}"), value]);
+        let [re, im] = complex(it.re, it.im, it.error);
+        let modulus = Estimate::new(it.modulus(), it.error, Origin::Space);
+        multipliers.put([k.to_string(), re, im, shown(Some(modulus))]);
     }
     let harmonics = table.html("The law that lasts under the drive: harmonics of the period");
-    Some(harmonics + &others.html("The law that lasts under the drive"))
+    let others = others.html("The law that lasts under the drive");
+    let laws = laws.html("Metastable laws that it is made of");
+    Some(harmonics + &others + &laws + &multipliers.html("Floquet multipliers"))
 }
 
 /// The response curve at some of its frequencies.

@@ -1,6 +1,6 @@
 //! A table of the page.
 
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, Origin};
 use crate::format::cell;
 use crate::report::html::escaped;
 
@@ -49,4 +49,11 @@ impl Table {
 
 pub(super) fn shown(it: Option<Estimate>) -> String {
     it.map_or(String::new(), |it| cell(Some(it)))
+}
+
+/// Real part and imaginary part of an eigenvalue, or of a conjugate pair, with the error of either.
+pub(super) fn complex(re: f64, im: f64, error: f64) -> [String; 2] {
+    let part = |x: f64| shown(Some(Estimate::new(x, error, Origin::Space)));
+    let pair = (im != 0.0).then(|| format!("\u{b1}({})", part(im)));
+    [part(re), pair.unwrap_or_default()]
 }

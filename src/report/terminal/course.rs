@@ -1,8 +1,7 @@
 //! The approach to the stationary law: moments over time, steady state, eigenvalues, spectrum.
 
-use super::layout::{TIMES, Table, cells, row};
-use crate::estimate::{Estimate, Origin};
-use crate::fokker_planck::DecayRate;
+use super::layout::{TIMES, Table, cells, eigenvalue, row};
+use crate::estimate::Estimate;
 use crate::format::{brief, cell, many, rounded, spread};
 use crate::moments::Moment;
 use crate::results::Results;
@@ -77,23 +76,13 @@ pub(super) fn deterministic(table: &mut Table, results: &Results) {
         table.paragraph("steady state: ", &text);
     }
     if let Some(it) = &results.decay_rates {
-        let rate = |rate: &DecayRate| {
-            let re = cell(Some(Estimate::new(rate.re, rate.error, Origin::Space)));
-            match rate.im {
-                0.0 => re,
-                im => format!("{re} (a pair, ±{im:.4}i)"),
-            }
-        };
-        let mut words: Vec<String> = it.rates.iter().map(rate).collect();
+        let rates = it.rates.iter();
+        let mut words: Vec<String> = rates.map(|it| eigenvalue(it.re, it.im, it.error)).collect();
         if it.continuous_from == Some(0.0) {
             let none = "none: without friction in flight the spectrum is continuous from 0 on";
             words.push(none.into());
         } else if let Some(edge) = it.continuous_from {
-            let edge = if edge.abs() < 100.0 {
-                format!("{edge:.4}")
-            } else {
-                brief(rounded(edge, 5))
-            };
+            let edge = brief(rounded(edge, 5));
             let none = if it.rates.is_empty() {
                 "none by itself; "
             } else {
@@ -156,8 +145,8 @@ pub(super) fn course(table: &mut Table, results: &Results) {
     let text = format!("{name}, {nq} x {nv} cells, {steps} of at most {longest}");
     table.line("");
     table.paragraph("Fokker-Planck: ", &text);
-    if let (Some(it), Some(scene)) = (sampled, &results.scene.monte_carlo) {
-        let (scheme, paths) = (it.scheme, scene.paths);
+    if let Some(it) = sampled {
+        let (scheme, paths) = (it.scheme, it.paths);
         let steps = format!("{} of {}", many(it.steps, "step"), brief(it.step));
         let text = format!("{scheme}, {paths} paths, {steps}; errors are one standard error");
         table.paragraph("Monte Carlo:   ", &text);

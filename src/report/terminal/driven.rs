@@ -1,6 +1,6 @@
 //! Under a drive: the periodic law and the response.
 
-use super::layout::{Table, row};
+use super::layout::{Table, eigenvalue, row};
 use crate::fokker_planck::Multiplier;
 use crate::format::{brief, rounded};
 use crate::results::Results;
@@ -24,18 +24,18 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
     }
     for (k, multiplier) in it.multipliers.iter().enumerate() {
         let name = if k == 0 { "Floquet multipliers" } else { "" };
-        let (re, error) = (multiplier.re, multiplier.error);
-        let imaginary = match multiplier.im {
-            0.0 => String::new(),
-            im => format!(" \u{b1} {im:.6}i"),
-        };
-        table.line(format!("{name:<26} {re:.6}{imaginary}, error {error:.0e}"));
+        let value = eigenvalue(multiplier.re, multiplier.im, multiplier.error);
+        table.line(format!("{name:<26} {value}"));
     }
     if let Some(laws) = &it.metastable {
-        table.columns("METASTABLE LAWS", &["probability", "|E[q]| 1", "P(loss)"]);
+        table.columns(
+            "METASTABLE LAWS",
+            &["probability", "E[q]", "|E[q]| 1", "P(loss)"],
+        );
         for law in laws {
             let first = law.mean_q.first().map(|it| it.amplitude);
-            let numbers = [Some(law.probability), first, law.contact_loss_probability];
+            let lost = law.contact_loss_probability;
+            let numbers = [Some(law.probability), law.displacement, first, lost];
             table.line(row("about one of two orbits", &numbers, false));
         }
     }

@@ -1,6 +1,6 @@
 //! Lines of 80 columns: rows of numbers, headings, paragraphs.
 
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, Origin};
 use crate::format::cell;
 use crate::moments::Entry;
 use crate::results::distance;
@@ -95,6 +95,16 @@ impl Table {
 pub(super) fn over_numbers<'a>(heads: impl Iterator<Item = &'a str>) -> String {
     let padded: Vec<String> = heads.map(|it| format!("{it:>18}")).collect();
     padded.concat()
+}
+
+/// A real eigenvalue, or a conjugate pair, with the error of each part.
+pub(super) fn eigenvalue(re: f64, im: f64, error: f64) -> String {
+    let part = |x: f64| cell(Some(Estimate::new(x, error, Origin::Space)));
+    if im == 0.0 {
+        part(re)
+    } else {
+        format!("{}, a pair: \u{b1}({})i", part(re), part(im))
+    }
 }
 
 /// A row: 26 columns of words, then its numbers.

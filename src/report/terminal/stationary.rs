@@ -53,6 +53,9 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
         (true, 1) if !plain => "STATIONARY MOTION UNDER STEADY NOISE ALONE",
         (true, _) if !plain => "SIDE BY SIDE; the stationary law is that of steady noise alone",
         (true, 1) => "STATIONARY MOTION",
+        (true, _) if columns.iter().any(|(_, from, _)| from.starts_with("t =")) => {
+            "STATIONARY MOTION, and the last time beside it"
+        }
         (true, _) => "STATIONARY MOTION, side by side",
         _ => "AT THE LAST TIME",
     };

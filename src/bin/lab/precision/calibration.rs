@@ -152,9 +152,9 @@ impl Calibration {
     /// Every number with its reference, as a file.
     pub fn csv(&self) -> File {
         let mut text = String::from(
-            "# Dimensionless. scale: what the tolerance is relative to. seconds: processor time of the run;\n\
+            "# Dimensionless. scale: the normalisation of the tolerance. seconds: processor time of the run;\n\
              # elapsed and planned are by the clock on the wall.\n\
-             scene,tolerance,end,seconds,elapsed,planned,t,name,value,bar,truth,uncertainty,scale\n",
+             scene,tolerance,end,seconds,elapsed,planned,t,name,value,error,reference,uncertainty,scale\n",
         );
         for run in &self.runs {
             let Run {

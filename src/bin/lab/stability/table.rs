@@ -71,7 +71,7 @@ pub fn files(scenes: &[Extreme], rows: &[Row]) -> Vec<File> {
 
 fn csv(rows: &[Row]) -> String {
     let mut all = String::from(
-        "scene,extreme in,against,verdict,largest error (natural scales),largest error over its estimate,\
+        "scene,extreme in,against,verdict,largest error over its normalisation,largest error over its estimate,\
          of,lowest density,mass error,steps,wall time (s),message\n",
     );
     let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\"").replace('\n', " "));

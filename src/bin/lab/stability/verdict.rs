@@ -194,9 +194,10 @@ pub(super) fn row(extreme: &Extreme, outcome: Outcome, seconds: f64) -> Row {
 fn declared_unknown(results: &Results, name: &str) -> bool {
     let warned = results.run.warnings.iter().flat_map(|it| &it.unknown);
     let short = results.shortfalls.iter();
-    let short = short.filter(|(_, it)| !it.ratio.is_finite());
+    let short = short.filter(|(_, it)| !it.ratio().is_finite());
     warned
-        .chain(short.map(|(_, it)| &it.number))
+        .map(String::as_str)
+        .chain(short.map(|(_, it)| it.number()))
         .any(|it| it == name)
 }
 
@@ -207,7 +208,9 @@ const ROUNDED: f64 = 1.1;
 /// The largest error estimate over the tolerance that a stage admits.
 fn said(results: &Results, stage: &str) -> f64 {
     let of_stage = results.shortfalls.iter().filter(|(it, _)| *it == stage);
-    let admitted = of_stage.map(|(_, it)| if it.ratio.is_finite() { it.ratio } else { 0.0 });
+    let admitted = of_stage
+        .map(|(_, it)| it.ratio())
+        .filter(|it| it.is_finite());
     ROUNDED * admitted.fold(1.0 / ROUNDED, f64::max)
 }
 
