@@ -81,6 +81,14 @@ impl Running<'_> {
             Recipe::FirstPassage(recipe) => {
                 let it = recipe.solve(oscillator, problem.1, limits, progress)?;
                 results.fall_short(stage, it.shortfall.as_ref());
+                let begins = it.survival.first().map_or(1.0, |it| it.value);
+                if begins < 0.5 {
+                    results.warn(&[format!(
+                        "{stage}: {:.0} % of the initial condition lies beyond what is to be passed, and counts as passed at t = 0; \
+                         the rate is that of motions which begin before it",
+                        100.0 * (1.0 - begins)
+                    )]);
+                }
                 let answer = match self.part {
                     Part::FirstLoss => &mut results.first_loss,
                     _ => &mut results.first_passage,

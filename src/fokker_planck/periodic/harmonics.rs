@@ -3,7 +3,6 @@
 use crate::estimate::{Estimate, Origin};
 use serde::Serialize;
 use std::f64::consts::{FRAC_2_PI, TAU};
-use std::ops::RangeInclusive;
 
 /// amplitude cos(k W t + phase).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -20,22 +19,11 @@ impl Harmonic {
     /// The k-th coefficient of an error that is nowhere above e is at most 4/pi of the mean of e. Beside it stands what the curve
     /// has of harmonics that its points take for this one ([`between`]).
     pub(super) fn of(curve: &[Estimate], count: usize) -> Vec<Self> {
-        shown(curve, count)
-            .map(|k| Self::number(curve, k, 0.0))
-            .collect()
+        let count = count.min(curve.len().saturating_sub(1) / 2);
+        (1..=count).map(|k| Self::number(curve, k)).collect()
     }
 
-    /// Those of the first of two curves, which may be off by this part of what they differ by.
-    pub(super) fn mixed([own, other]: &[Vec<Estimate>; 2], part: f64, count: usize) -> Vec<Self> {
-        let number = |k: usize| {
-            let [a, b] = [own, other].map(|it| coefficient(it.iter(), k));
-            Self::number(own, k, part * (a[0] - b[0]).hypot(a[1] - b[1]))
-        };
-        shown(own, count).map(number).collect()
-    }
-
-    /// The k-th, beside what is known of it to be off.
-    fn number(curve: &[Estimate], k: usize, off: f64) -> Self {
+    fn number(curve: &[Estimate], k: usize) -> Self {
         let [cosine, sine] = coefficient(curve.iter(), k);
         let [c, s] = coefficient(curve.iter().step_by(2), k);
         let aliased = if 4 * k < curve.len() {
@@ -44,7 +32,7 @@ impl Harmonic {
             0.0
         };
         let all: f64 = curve.iter().map(|it| it.error).sum();
-        let error = 2.0 * FRAC_2_PI * all / curve.len() as f64 + aliased + off;
+        let error = 2.0 * FRAC_2_PI * all / curve.len() as f64 + aliased;
         let largest = curve.iter().max_by(|a, b| a.error.total_cmp(&b.error));
         let origin = largest.map_or(Origin::default(), |it| it.origin);
         let amplitude = cosine.hypot(sine);
@@ -58,11 +46,6 @@ impl Harmonic {
             phase,
         }
     }
-}
-
-/// The harmonics that a curve shows, at most so many.
-fn shown(curve: &[Estimate], count: usize) -> RangeInclusive<usize> {
-    1..=count.min(curve.len().saturating_sub(1) / 2)
 }
 
 /// Parts of cos and -sin in a harmonic of equally spaced points.

@@ -68,23 +68,14 @@ pub struct MetastableLaw {
 }
 
 impl MetastableLaw {
-    /// One of two, beside the other.
-    fn of(both: [&Metastable; 2]) -> Self {
-        let curves = |moment| both.map(|it| curve(&it.moments, moment));
-        let harmonics = |moment| Harmonic::mixed(&curves(moment), both[0].mixed, HARMONICS);
-        let averaged = |moment| {
-            let [own, other] = both.map(|it| averaged(&it.moments, moment));
-            own.zip(other).map(|(own, other)| {
-                let mixed = both[0].mixed * (own.value - other.value).abs();
-                Estimate::new(own.value, own.error + mixed, own.origin)
-            })
-        };
+    fn of(it: &Metastable) -> Self {
+        let harmonics = |moment| Harmonic::of(&curve(&it.moments, moment), HARMONICS);
         Self {
-            probability: both[0].probability,
-            displacement: averaged(Moment::MeanQ),
+            probability: it.probability,
+            displacement: averaged(&it.moments, Moment::MeanQ),
             mean_q: harmonics(Moment::MeanQ),
             mean_force: harmonics(Moment::MeanForce),
-            contact_loss_probability: averaged(Moment::ContactLossProbability),
+            contact_loss_probability: averaged(&it.moments, Moment::ContactLossProbability),
         }
     }
 }
@@ -229,7 +220,7 @@ impl Periodic {
             contact_loss_probability: averaged(&it.moments, Moment::ContactLossProbability),
             metastable: floquet
                 .metastable
-                .map(|[a, b]| [[&a, &b], [&b, &a]].map(MetastableLaw::of)),
+                .map(|it| it.each_ref().map(MetastableLaw::of)),
             moments: it.moments.into_iter().step_by(each).collect(),
             multipliers: floquet.multipliers,
             residual: floquet.residual,

@@ -2,6 +2,7 @@
 
 use super::curve::{FLOOR, Spectrum};
 use super::reduced::{Answer, Form, POWERS, Reduced};
+use crate::contact::ContactLaw;
 use crate::error::{Error, Result, finite};
 use crate::estimate::{Estimate, Origin};
 use crate::fokker_planck::adaptive::{self, Next, Question, Stop};
@@ -59,6 +60,9 @@ pub(crate) struct Resolvent {
     pub(crate) cost: Cost,
 }
 
+/// The lowest temperature of the runs that foresee the others.
+const COLD: f64 = 0.01;
+
 impl Resolvent {
     /// The method.
     pub(crate) const METHOD: &str = "resolvent in Hermite functions and spectral elements; a reduced model joins \
@@ -78,7 +82,12 @@ impl Resolvent {
         // Motions of other energies go at other frequencies and are sheared until the noise smears them: the less damped, the finer,
         // up to where most motions lose contact. Fitted to some hundred runs, T from 0.01 to 60, zeta from 0.003 to 0.6, `until`
         // from 1.5 to 12, tolerances from 1e-2 to 1e-5.
-        let hot = oscillator.temperature().log10();
+        // Those of a linear contact go at one: it is as a cold one, whatever its temperature.
+        let hot = match oscillator.contact() {
+            ContactLaw::Linear => COLD,
+            _ => oscillator.temperature(),
+        };
+        let hot = hot.log10();
         let damped = (0.5 * oscillator.reference_friction() / 0.005).log10();
         let digits = -settings.tolerance.max(1e-12).log10() - 3.0;
         let octaves = (until.max(0.1) / 3.0).log2();

@@ -31,8 +31,6 @@ impl Multiplier {
 pub(crate) struct Metastable {
     /// Its part of the law that lasts.
     pub(crate) probability: Estimate,
-    /// How much of the difference to the other one it may be off by beside what its moments say.
-    pub(crate) mixed: f64,
     /// Moments at the times of that law.
     pub(crate) moments: Vec<Moments>,
 }
@@ -69,8 +67,7 @@ impl Floquet {
 }
 
 /// The metastable laws of the finer of two runs. Their errors are those of the law that they make up, what the mode of the
-/// passage lacks, what of a start may belong to the other, and the change from the coarser run, twice, as with the
-/// multipliers.
+/// passage lacks, and the change from the coarser run, twice, as with the multipliers.
 fn metastable([fine, coarse]: [&OverAPeriod; 2], law: &[Moments]) -> Option<[Metastable; 2]> {
     let [slowest, next, ..] = &fine.multipliers[..] else {
         return None;
@@ -79,28 +76,28 @@ fn metastable([fine, coarse]: [&OverAPeriod; 2], law: &[Moments]) -> Option<[Met
     let mixed = slowest.error / (slow - fast);
     let (sides, before) = (fine.metastable.as_ref()?, coarse.metastable.as_ref()?);
     let joined = |k: usize| {
-        let (side, before) = (&sides[k], &before[k]);
-        let share = side.probability;
-        let mixed = mixed + side.unlike;
-        let error = |value: f64, before: f64, own: f64| {
-            let error = own + left(UNKNOWN) * (value - before).abs();
+        let (side, before, other) = (&sides[k], &before[k], &sides[1 - k]);
+        let error = |value: f64, before: f64, apart: f64, own: f64| {
+            let error = own + left(UNKNOWN) * (value - before).abs() + mixed * apart.abs();
             Estimate::new(value, error, Origin::Space)
         };
-        let rows = side.moments.iter().zip(&before.moments).zip(law);
-        let moments = rows.map(|((here, before), law)| {
+        let rows = side.moments.iter().zip(&before.moments);
+        let rows = rows.zip(other.moments.iter().zip(law));
+        let moments = rows.map(|((here, before), (other, law))| {
             let mut here = *here;
             for (number, it) in here.each_mut().into_iter().zip(Moment::ALL) {
-                if let (Some(number), [Some(before), Some(law)]) =
-                    (number, [before, law].map(|all| all.get(it)))
+                if let (Some(number), [Some(before), Some(other), Some(law)]) =
+                    (number, [before, other, law].map(|all| all.get(it)))
                 {
-                    *number = error(number.value, before.value, law.error);
+                    let apart = number.value - other.value;
+                    *number = error(number.value, before.value, apart, law.error);
                 }
             }
             here
         });
+        let share = side.probability;
         Metastable {
-            probability: error(share, before.probability, mixed * share * (1.0 - share)),
-            mixed,
+            probability: error(share, before.probability, share * (1.0 - share), 0.0),
             moments: moments.collect(),
         }
     };

@@ -8,7 +8,6 @@ use crate::error::Result;
 use crate::fokker_planck::budget;
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::fixed_point::{self, Fixed, Goal};
-use crate::fokker_planck::flux::Weights;
 use crate::fokker_planck::integrators::Late;
 use crate::fokker_planck::mesh::Mesh;
 use crate::fokker_planck::observables::Observables;
@@ -183,9 +182,7 @@ impl Task<'_> {
         let alike = dot(&apart, &apart) < SAME * SAME * dot(slow, slow);
         let same =
             (a.value - b.value).norm() <= a.error + b.error + goal.eigenvalue * (1.0 - a.value.re);
-        let unlike = starts.map(|start| unlike(law, slow, start, propagator.weights()));
-        let unlike: f64 = unlike.iter().sum();
-        if !(alike && same && ratio > 0.0 && unlike.is_finite() && a.value.re > 0.0) {
+        if !(alike && same && ratio > 0.0 && a.value.re > 0.0) {
             return Ok(None);
         }
         let fading = a.value.re.ln() / period;
@@ -214,7 +211,6 @@ impl Task<'_> {
             });
             Ok(Side {
                 probability,
-                unlike,
                 moments: in_order(moments.collect::<Result<_>>()?),
             })
         };
@@ -236,29 +232,6 @@ fn folded(times: &[f64], period: f64) -> Vec<(usize, f64)> {
 fn in_order<T>(mut all: Vec<(usize, T)>) -> Vec<T> {
     all.sort_by_key(|it| it.0);
     all.into_iter().map(|it| it.1).collect()
-}
-
-/// Part of the peak of a law below which what a mode is over it is not looked at.
-const LEVEL: f64 = 1e-6;
-
-/// By which part a mode, over the law one level about an orbit, has another one in a start about it than in the midst of that: so
-/// much of the start may belong to the other orbit.
-fn unlike(law: &Density, mode: &[f64], start: &Density, weights: &Weights) -> f64 {
-    let least = LEVEL * law.cells().iter().copied().fold(0.0, f64::max);
-    let area = weights
-        .q
-        .iter()
-        .flat_map(|q| weights.v.iter().map(move |v| q * v));
-    let cells = area.zip(law.cells()).zip(mode).zip(start.cells());
-    let level = |power: i32| {
-        let about = cells.clone().filter(|(((_, law), _), _)| **law > least);
-        let (sum, all) = about.fold((0.0, 0.0), |(sum, all), (((area, law), mode), start)| {
-            let part = area * start.powi(power);
-            (sum + part * mode / law, all + part)
-        });
-        sum / all
-    };
-    (1.0 - level(1) / level(4)).abs()
 }
 
 /// Two solutions mean one mode if what they say of it differs by less than this part.

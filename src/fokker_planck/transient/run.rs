@@ -56,8 +56,6 @@ pub(super) struct OverAPeriod {
 pub(super) struct Side {
     /// Its part of the law that lasts.
     pub(super) probability: f64,
-    /// The part of it that may be the other's.
-    pub(super) unlike: f64,
     /// Its moments at the output times.
     pub(super) moments: Vec<Moments>,
 }
