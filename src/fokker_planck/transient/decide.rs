@@ -92,10 +92,12 @@ impl Recipe {
         let count = phases * each;
         let phase = |k: usize| drive.delay() + drive.period() * k as f64 / count as f64;
         let times: Vec<f64> = (0..count).map(phase).collect();
+        // Those between have no say in mesh and steps.
+        let asked_for: Vec<f64> = times.iter().step_by(each).copied().collect();
         let asked = Asked {
             oscillator,
             initial: &Initial::Stationary,
-            times: &times,
+            times: &asked_for,
             settings,
             forcing: forcing.as_ref(),
             period: Some(drive.period()),
