@@ -88,19 +88,16 @@ fn agreement(table: &mut Table, results: &Results) {
 
 /// What the program was free to do better, by what is lacking.
 fn lacking(table: &mut Table, results: &Results) {
-    let title = |it: &Lack| match it {
-        Lack::Accuracy { .. } => "TOLERANCE NOT REACHED: ",
-        Lack::Paths { .. } => "CUT SHORT: ",
-        Lack::Answer => "NO ANSWER: ",
+    let [short, cut, none] = ["TOLERANCE NOT REACHED: ", "CUT SHORT: ", "NO ANSWER: "];
+    let head_of = |it: &Lack| match it {
+        Lack::Accuracy { .. } => short,
+        Lack::Paths { .. } => cut,
+        Lack::Answer => none,
     };
     let stand = "; the numbers stand with their errors";
-    for (head, end) in [
-        ("TOLERANCE NOT REACHED: ", stand),
-        ("CUT SHORT: ", stand),
-        ("NO ANSWER: ", ""),
-    ] {
+    for (head, end) in [(short, stand), (cut, stand), (none, "")] {
         let such = results.shortfalls.iter();
-        let such = such.filter(|(_, it)| it.free && title(&it.lack) == head);
+        let such = such.filter(|(_, it)| it.free && head_of(&it.lack) == head);
         let stages: Vec<&str> = such.map(|it| it.0).collect();
         if !stages.is_empty() {
             let text = format!("{} (exit status 3){end}", stages.join(", "));

@@ -80,6 +80,15 @@ impl MetastableLaw {
     }
 }
 
+impl MetastableLaw {
+    /// Its probability, E\[q\], the first harmonic of that, P(loss).
+    pub(crate) fn main_numbers(&self) -> [Option<Estimate>; 4] {
+        let first = self.mean_q.first().map(|it| it.amplitude);
+        let lost = self.contact_loss_probability;
+        [Some(self.probability), self.displacement, first, lost]
+    }
+}
+
 /// One number over the phase.
 fn curve(moments: &[Moments], moment: Moment) -> Vec<Estimate> {
     moments.iter().filter_map(|at| at.get(moment)).collect()
@@ -112,10 +121,14 @@ impl PeriodicLaw {
         (phases, maps): (usize, usize),
         settings: &Settings,
     ) -> Result<Self> {
-        // An even number, for every second to be held against all.
-        let each = SEEN
-            .div_ceil(phases.max(1))
-            .next_multiple_of(1 + phases % 2);
+        let told = |asked: &Vec<Moment>| Moment::OVER_A_PERIOD.iter().any(|it| asked.contains(it));
+        let each = if settings.moments.as_ref().is_none_or(told) {
+            // An even number, for every second to be held against all.
+            SEEN.div_ceil(phases.max(1))
+                .next_multiple_of(1 + phases % 2)
+        } else {
+            1
+        };
         let (recipe, times) = Recipe::lasting(oscillator, (phases, each), settings)?;
         let maps = maps.min(phases);
         let map = |k: usize| times[k * phases / maps * each];

@@ -26,10 +26,7 @@ pub(super) fn periodic(results: &Results) -> Option<String> {
     }
     let mut laws = Table::of(["", "probability", "E[q]", "|E[q]|, harmonic 1", "P(loss)"]);
     for law in it.metastable.iter().flatten() {
-        let first = law.mean_q.first().map(|it| it.amplitude);
-        let lost = law.contact_loss_probability;
-        let numbers = [Some(law.probability), law.displacement, first, lost];
-        laws.numbers("about one of two orbits".into(), numbers);
+        laws.numbers("about one of two orbits".into(), law.main_numbers());
     }
     let mut multipliers = Table::of(["", "real part", "imaginary part", "modulus"]);
     for (k, it) in (1..).zip(&it.multipliers) {

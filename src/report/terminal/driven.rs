@@ -33,10 +33,7 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
             &["probability", "E[q]", "|E[q]| 1", "P(loss)"],
         );
         for law in laws {
-            let first = law.mean_q.first().map(|it| it.amplitude);
-            let lost = law.contact_loss_probability;
-            let numbers = [Some(law.probability), law.displacement, first, lost];
-            table.line(row("about one of two orbits", &numbers, false));
+            table.line(row("about one of two orbits", &law.main_numbers(), false));
         }
     }
     let left = it.multipliers.first().map(Multiplier::modulus);

@@ -37,7 +37,8 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
     if let Some(moments) = &steady {
         columns.push(("steady state", "on the mesh".into(), Some(moments)));
     }
-    if let Some((t, moments)) = transient.filter(|_| columns.len() < 2) {
+    let lasting = columns.len();
+    if let Some((t, moments)) = transient.filter(|_| lasting < 2) {
         columns.push(("Fokker-Planck", format!("t = {}", brief(t)), Some(moments)));
     }
     if let Some((t, moments)) = sampled {
@@ -49,13 +50,11 @@ pub(super) fn stationary(table: &mut Table, results: &Results) {
         return;
     }
     let plain = results.scene.excitation.is_plain();
-    let title = match (closed.is_some() || steady.is_some(), columns.len()) {
+    let title = match (lasting > 0, columns.len()) {
         (true, 1) if !plain => "STATIONARY MOTION UNDER STEADY NOISE ALONE",
         (true, _) if !plain => "SIDE BY SIDE; the stationary law is that of steady noise alone",
         (true, 1) => "STATIONARY MOTION",
-        (true, _) if columns.iter().any(|(_, from, _)| from.starts_with("t =")) => {
-            "STATIONARY MOTION, and the last time beside it"
-        }
+        (true, all) if all > lasting => "STATIONARY MOTION, and the last time beside it",
         (true, _) => "STATIONARY MOTION, side by side",
         _ => "AT THE LAST TIME",
     };
