@@ -36,8 +36,8 @@ impl Running<'_> {
             Recipe::Stationary(recipe) => self.solved_law(recipe, results)?,
             Recipe::Transient(recipe) => self.transient(recipe, results)?,
             Recipe::Reach(recipe, quantity, law) => {
-                let stationary = self.level(*quantity, law.as_ref())?;
-                let it = recipe.solve(problem, stationary, limits, progress)?;
+                let stationary = |part: f64| self.level(*quantity, law.as_ref(), part);
+                let it = recipe.solve(problem, &stationary, limits, progress)?;
                 results.warn(&it.warnings);
                 results.fall_short(stage, it.shortfall.as_ref());
                 results.reach = Some(it.in_unit(clock));
@@ -171,13 +171,18 @@ impl Running<'_> {
         Ok(())
     }
 
-    /// The stationary value of a moment, by the closed form or by the law that is solved for.
-    fn level(&self, quantity: Moment, law: Option<&StationaryState>) -> Result<Estimate> {
+    /// The stationary value of a moment, by the closed form or by the law that is solved for, to this part of its tolerance.
+    fn level(
+        &self,
+        quantity: Moment,
+        law: Option<&StationaryState>,
+        part: f64,
+    ) -> Result<Estimate> {
         let oscillator = self.problem().0;
         let Some(law) = law else {
             return reached(quantity, &Stationary::of(oscillator)?.moments());
         };
-        let it = law.solve(oscillator, &self.limits, &|_| {})?;
+        let it = law.finer(part).solve(oscillator, &self.limits, &|_| {})?;
         // What is not known from 0 is no 0.
         reached(quantity, &it.moments).map_err(|error| match &it.shortfall {
             Some(why) => Error::linear("the stationary level", why.to_string()),

@@ -135,6 +135,14 @@ impl StationaryState {
     pub(crate) const WORDS: &str = "null vector in Hermite functions and spectral elements, three resolutions, or on a mesh: \
                                     no closed form under this damping";
 
+    /// The same to this part of its tolerance.
+    pub(crate) fn finer(&self, part: f64) -> Self {
+        Self {
+            tolerance: part * self.tolerance,
+            ..self.clone()
+        }
+    }
+
     fn resolution(&self, level: usize) -> Resolution {
         self.first.refined(level)
     }

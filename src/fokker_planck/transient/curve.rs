@@ -6,7 +6,7 @@ use crate::roots::bisect;
 
 /// A moment against time, turned so that it rises through 0 where it first reaches the level.
 pub(super) struct Curve {
-    level: f64,
+    level: Estimate,
     sign: f64,
     times: Vec<f64>,
     values: Vec<Estimate>,
@@ -115,6 +115,11 @@ impl Passage {
         (share * spread > (1.0 - share) * spread + piece).then(|| aim / (share * spread))
     }
 
+    /// What is not known of the values where it may have passed first.
+    pub(super) fn error(&self) -> Option<f64> {
+        self.stretches.first().map(|it| it.error)
+    }
+
     /// Times that show more of every stretch, of very many of the first, no more than `most`, and the parts that they look at.
     pub(super) fn closer(&self, end: f64, most: f64) -> (Vec<f64>, Vec<[f64; 2]>) {
         let mut times: Vec<f64> = Vec::new();
@@ -136,7 +141,7 @@ impl Passage {
 
 impl Curve {
     /// Nothing yet of a moment about a level.
-    pub(super) fn about(level: f64) -> Self {
+    pub(super) fn about(level: Estimate) -> Self {
         Self {
             level,
             sign: 1.0,
@@ -145,10 +150,15 @@ impl Curve {
         }
     }
 
+    /// Puts the level where it is known to lie more exactly.
+    pub(super) fn lies(&mut self, level: Estimate) {
+        self.level = level;
+    }
+
     /// Takes what a course shows in these parts instead of what was known there.
     pub(super) fn take(&mut self, times: &[f64], values: &[Estimate], parts: &[[f64; 2]]) {
         if self.times.is_empty() {
-            let below = values.first().is_none_or(|it| it.value < self.level);
+            let below = values.first().is_none_or(|it| it.value < self.level.value);
             self.sign = if below { 1.0 } else { -1.0 };
         }
         let within = |t: f64| parts.iter().any(|it| (it[0]..=it[1]).contains(&t));
@@ -170,10 +180,16 @@ impl Curve {
         last.map(|(t, value)| (*t, *value))
     }
 
+    /// What is not known of the last height over the level.
+    pub(super) fn error(&self) -> f64 {
+        self.level.error + self.values.last().map_or(0.0, |it| it.error)
+    }
+
     /// Whether the very first time has the level, to its error and to the tolerance.
     pub(super) fn at_once(&self, tolerance: f64) -> bool {
         let has = |it: &Estimate| {
-            (it.value - self.level).abs() <= it.error.min(tolerance * self.level.abs())
+            let error = it.error + self.level.error;
+            (it.value - self.level.value).abs() <= error.min(tolerance * self.level.value.abs())
         };
         self.times.first() == Some(&0.0) && self.values.first().is_some_and(has)
     }
@@ -183,12 +199,12 @@ impl Curve {
         let end = self.times.last().copied().unwrap_or(0.0);
         let all = self.times.iter().zip(&self.values);
         let mut quarter = all.filter(|(t, _)| **t >= 0.75 * end);
-        quarter.all(|(_, it)| (it.value - value).abs() <= within.max(it.error))
+        quarter.all(|(_, it)| (it.value - value).abs() <= within.max(it.error + self.level.error))
     }
 
     /// Height over the level.
     fn over(&self, k: usize) -> f64 {
-        self.sign * (self.values[k].value - self.level)
+        self.sign * (self.values[k].value - self.level.value)
     }
 
     /// The most by which the curve may rise between times k and k + 1 over its values there: a peak is no steeper than what lies
@@ -231,7 +247,8 @@ impl Curve {
         let mut seen = Passage::default();
         let (mut t, mut open) = (None, false);
         for k in 0..self.times.len().saturating_sub(1) {
-            let error = self.values[k].error.max(self.values[k + 1].error);
+            // A level that is not known is as if the values were not.
+            let error = self.level.error + self.values[k].error.max(self.values[k + 1].error);
             let width = self.times[k + 1] - self.times[k];
             let piece = width / f64::from(PIECES);
             // Where even a peak between the times stays away nothing is looked at more closely.

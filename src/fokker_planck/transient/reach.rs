@@ -54,16 +54,20 @@ const SPACING: f64 = 0.4;
 const MOST: f64 = 20_000.0;
 /// Courses about the crossing, each with finer times or a finer tolerance.
 const PASSES: usize = 5;
+/// The finest tolerance of the first course, which only has to find the crossing: most of its times lie beyond that.
+const FIRST: f64 = 0.03;
 /// The part of the tolerance that a finer course aims at: the slope is not known any better.
 const AIM: f64 = 0.4;
+/// The part of what may be off that the level is allowed.
+const OF_LEVEL: f64 = 0.25;
 /// The finest tolerance that a course is given.
 const FINEST: f64 = 1e-10;
 /// Relaxations after which a course has shown what it will, if it has come to rest.
 const LONG: f64 = 3.0;
 /// Of the way from the stationary value to the level, within which a course has come to rest.
 const NEAR: f64 = 0.1;
-/// Of the cost of the first course, what those about the crossing add.
-const AGAIN: f64 = 1.0;
+/// Of the cost of a course as long as the first, what those about the crossing take.
+const AGAIN: f64 = 0.5;
 
 impl Reach {
     /// The recipe for the time at which `moment` is `fraction` of its stationary value.
@@ -92,10 +96,11 @@ impl Reach {
             moments: Some(vec![moment]),
             ..settings.clone()
         };
-        let first = Recipe::of(oscillator, initial, &times, &settings)?;
+        let first = Recipe::of(oscillator, initial, &times, &rough(&settings))?;
+        let fine = Recipe::of(oscillator, initial, &times, &settings)?.cost;
         let cost = Cost {
-            seconds: first.cost.seconds * (1.0 + AGAIN),
-            ..first.cost
+            seconds: first.cost.seconds + AGAIN * fine.seconds,
+            ..fine
         };
         Ok(Self {
             moment,
@@ -117,18 +122,19 @@ impl Reach {
         format!("{name}, in courses first to t = {until:.0}, then about the crossing; {reason}")
     }
 
-    /// Finds the time; what the `stationary` value may be off is in its error.
+    /// Finds the time; `stationary` is the value that the moment tends to, with so many times the error that a plan asks of it.
+    /// What it may be off is in the error of the time.
     pub(crate) fn solve(
         &self,
         problem: (&Oscillator, &Initial),
-        stationary: Estimate,
+        stationary: &dyn Fn(f64) -> Result<Estimate>,
         limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Reached> {
-        let level = stationary.scaled(self.fraction);
-        let (mut times, mut settings) = (self.times.clone(), self.settings.clone());
+        let mut limit = Limit::of(stationary)?;
+        let (mut times, mut settings) = (self.times.clone(), rough(&self.settings));
         let mut parts = vec![[0.0, f64::INFINITY]];
-        let mut curve = Curve::about(level.value);
+        let mut curve = Curve::about(limit.value.scaled(self.fraction));
         let mut best: Option<(Crossing, Method)> = None;
         let mut reason = "its courses bring it no nearer".to_owned();
         let (mut lengths, mut stalls) = (1, 0);
@@ -152,30 +158,43 @@ impl Reach {
                 }
                 (Err(error), _) => return Err(error),
             };
-            let Some(values) = values(self.moment, level, &it, stiff) else {
+            let Some(values) = values(self.moment, &it, stiff) else {
                 return Ok(self.answer(None, it, "it does not exist at every time"));
             };
             curve.take(&it.times, &values, &parts);
+            // A course may do better than it was asked to.
+            let come = it.worst.min(settings.tolerance);
             if curve.at_once(self.settings.tolerance) {
                 let words = "the initial condition has that fraction already";
                 return Ok(self.answer(Some(Estimate::closed_form(0.0)), it, words));
             }
             let seen = curve.passage();
             let end = curve.last().map_or(0.0, |it| it.0);
-            let Some(crossing) = seen.crossing else {
-                if !self.rests(&curve, stationary) && lengths < self.lengths {
-                    lengths += 1;
-                    times = course(2.0 * end, self.spacing);
-                    parts = vec![[end, f64::INFINITY]];
-                    continue;
+            let finer = if let Some(crossing) = seen.crossing {
+                let tolerance = self.settings.tolerance * crossing.t;
+                let error = crossing.error();
+                let before = best.as_ref().map_or(f64::INFINITY, |(it, _)| it.error());
+                // Two courses in which nothing is gained: the cells of the scene, say.
+                stalls += usize::from(error > 0.8 * before);
+                if error < before || best.as_ref().is_some_and(|(it, _)| !it.holds(&crossing)) {
+                    best = Some((crossing, it.method));
                 }
-                let found = self.not_passed(&curve, &seen, stationary);
-                let finer = match found {
+                if error <= tolerance || stalls == 2 || pass + 1 == courses {
+                    break;
+                }
+                seen.finer(AIM * tolerance)
+            } else if !self.rests(&curve, limit.value) && lengths < self.lengths {
+                lengths += 1;
+                times = course(2.0 * end, self.spacing);
+                parts = vec![[end, f64::INFINITY]];
+                continue;
+            } else {
+                match self.not_passed(&curve, &seen, limit.value) {
                     NotPassed::Never(words) => return Ok(self.answer(None, it, &words)),
                     NotPassed::Perhaps(finer, _)
                         if settings.tolerance * finer > FINEST && pass < PASSES =>
                     {
-                        finer
+                        (finer < 1.0).then_some(finer)
                     }
                     // It may come yet.
                     NotPassed::Perhaps(_, words) => {
@@ -186,31 +205,21 @@ impl Reach {
                             warnings: Vec::new(),
                         });
                     }
-                };
-                if finer < 1.0 {
-                    settings.tolerance = tightened(settings.tolerance, finer);
                 }
-                (times, parts) = if seen.stretches.is_empty() {
-                    (course(end, self.spacing), vec![[0.0, f64::INFINITY]])
-                } else {
-                    seen.closer(end, MOST)
-                };
-                continue;
             };
-            let tolerance = self.settings.tolerance * crossing.t;
-            let error = crossing.error();
-            let before = best.as_ref().map_or(f64::INFINITY, |(it, _)| it.error());
-            // Two courses in which nothing is gained: the cells of the scene, say.
-            stalls += usize::from(error > 0.8 * before);
-            if error < before || best.as_ref().is_some_and(|(it, _)| !it.holds(&crossing)) {
-                best = Some((crossing, it.method));
-            }
-            if error <= tolerance || stalls == 2 || pass + 1 == courses {
-                break;
-            }
-            (times, parts) = seen.closer(end, MOST);
-            if let Some(finer) = seen.finer(AIM * tolerance) {
-                settings.tolerance = tightened(settings.tolerance, finer);
+            (times, parts) = if seen.stretches.is_empty() {
+                (course(end, self.spacing), vec![[0.0, f64::INFINITY]])
+            } else {
+                seen.closer(end, MOST)
+            };
+            if let Some(finer) = finer {
+                settings.tolerance = tightened(come, finer);
+                let error = finer * seen.error().unwrap_or(curve.error());
+                match limit.within(OF_LEVEL * error / self.fraction) {
+                    Ok(()) => curve.lies(limit.value.scaled(self.fraction)),
+                    Err(error @ Error::Stopped { .. }) => return Err(error),
+                    Err(error) => reason = format!("its level is known no better: {error}"),
+                }
             }
         }
         progress(1.0);
@@ -250,9 +259,10 @@ impl Reach {
         if !self.rests(curve, stationary) {
             return NotPassed::Perhaps(0.0, words);
         }
-        if apart <= last.error {
+        let error = curve.error();
+        if apart <= error {
             let words = format!("the stationary value is not told from it: {words}");
-            return NotPassed::Perhaps(AIM * apart / last.error, words);
+            return NotPassed::Perhaps(AIM * apart / error, words);
         }
         if seen.stretches.is_empty() {
             return NotPassed::Never(words);
@@ -298,7 +308,16 @@ fn fastest(oscillator: &Oscillator, initial: &Initial) -> f64 {
         .max(stiffness.unwrap_or(1.0).max(1.0).sqrt())
 }
 
-/// The tolerance of a course that is to err so many times as much, none much finer than the one before.
+/// The settings of the first course.
+fn rough(settings: &Settings) -> Settings {
+    let tolerance = settings.tolerance.max(FIRST);
+    Settings {
+        tolerance,
+        ..settings.clone()
+    }
+}
+
+/// The tolerance of a course that is to err so many times as much as one that came to this, none much finer than that.
 fn tightened(tolerance: f64, finer: f64) -> f64 {
     (tolerance * finer.clamp(0.02, 0.7)).max(FINEST)
 }
@@ -309,6 +328,30 @@ fn course(to: f64, spacing: f64) -> Vec<f64> {
     evenly(0.0, to, count.clamp(8.0, MOST - 1.0))
 }
 
+/// The value that the moment tends to.
+struct Limit<'a> {
+    of: &'a dyn Fn(f64) -> Result<Estimate>,
+    /// Of the error that a plan asks of it.
+    part: f64,
+    value: Estimate,
+}
+
+impl<'a> Limit<'a> {
+    fn of(of: &'a dyn Fn(f64) -> Result<Estimate>) -> Result<Self> {
+        let (part, value) = (1.0, of(1.0)?);
+        Ok(Self { of, part, value })
+    }
+
+    /// Finds it anew if it is known less exactly: no course makes a level known any better.
+    fn within(&mut self, error: f64) -> Result<()> {
+        if self.value.error > error {
+            self.part *= error / self.value.error;
+            self.value = (self.of)(self.part)?;
+        }
+        Ok(())
+    }
+}
+
 /// What a curve says that certainly passes nowhere.
 enum NotPassed {
     Never(String),
@@ -316,15 +359,9 @@ enum NotPassed {
     Perhaps(f64, String),
 }
 
-/// A moment at the times of a course, its errors with that of the level; None where it does not exist at some time. `stiff` is
-/// whether the contact at rest is.
-fn values(moment: Moment, level: Estimate, it: &Transient, stiff: bool) -> Option<Vec<Estimate>> {
-    // A level that is not known is as if the values were not.
-    let values = it.moments.iter().map(|at| {
-        let value = at.get(moment)?;
-        let error = value.error + level.error;
-        Some(Estimate::new(value.value, error, value.origin))
-    });
+/// A moment at the times of a course; None where it does not exist at some time. `stiff` is whether the contact at rest is.
+fn values(moment: Moment, it: &Transient, stiff: bool) -> Option<Vec<Estimate>> {
+    let values = it.moments.iter().map(|at| at.get(moment));
     let mut values = values.collect::<Option<Vec<Estimate>>>()?;
     // A force without a width has no skewness and no kurtosis. That of a point that begins to spread is a Gaussian's where
     // the contact is stiff, else that of one that has hardly begun.

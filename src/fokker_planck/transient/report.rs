@@ -37,6 +37,8 @@ pub struct Transient {
     pub method: Method,
     /// Of a law that lasts under a drive: what the map over a period says beside it.
     pub(crate) floquet: Option<Floquet>,
+    /// The largest error of a moment over its normalisation.
+    pub(crate) worst: f64,
     /// What the tolerance asked for and was not reached.
     pub shortfall: Option<Shortfall>,
     /// What the reader should know.
@@ -160,6 +162,7 @@ impl Task<'_> {
                 neglected: outside,
             },
             floquet,
+            worst,
             shortfall,
             densities: fine
                 .outputs
