@@ -42,11 +42,12 @@ impl PartialEq for Oscillator {
 }
 
 impl Oscillator {
-    /// The lowest T: the force N = (1 + 2q/3)^{3/2} holds a deviation of 1e-12 to four digits.
-    const COLDEST: f64 = 1e-24;
+    /// The lowest and the highest T: the force N = (1 + 2q/3)^{3/2} holds a deviation of 1e-12 to four digits, and a flight to
+    /// -1e12 the static compression that it began with.
+    const TEMPERATURES: [f64; 2] = [1e-24, 1e12];
 
-    /// The highest T whose laws a double holds.
-    const HOTTEST: f64 = 1e307;
+    /// Those of a linear contact, which has no length of its own: a double holds T^4.
+    const OF_LINEAR: [f64; 2] = [f64::MIN_POSITIVE, 1e75];
 
     /// An oscillator with damping ratio `zeta` > 0 and noise level `h` > 0.
     ///
@@ -65,19 +66,19 @@ impl Oscillator {
             law: OnceLock::new(),
         };
         let t = it.temperature();
-        let coldest = match it.contact {
-            ContactLaw::Linear => f64::MIN_POSITIVE,
-            _ => Self::COLDEST,
+        let [coldest, hottest] = match it.contact {
+            ContactLaw::Linear => Self::OF_LINEAR,
+            _ => Self::TEMPERATURES,
         };
-        if !(t <= Self::HOTTEST && t >= coldest) {
+        if !(t <= hottest && t >= coldest) {
             let value = format!("{h:e} with oscillator.zeta = {zeta:e}");
             let accepted = if t > 1.0 {
-                format!("T = pi h/(2 zeta) of at most {:e}", Self::HOTTEST)
+                format!("T = pi h/(2 zeta) of at most {hottest:e}")
             } else {
-                format!(
-                    "T = pi h/(2 zeta) of at least {coldest:e}, so that a double tells the motion from the static compression"
-                )
+                format!("T = pi h/(2 zeta) of at least {coldest:e}")
             };
+            let accepted =
+                accepted + ", so that a double tells the motion from the static compression";
             return Err(Error::invalid("oscillator.h", value, accepted));
         }
         Ok(it)

@@ -729,6 +729,23 @@ fn motions_that_begin_near_either_orbit_show_its_metastable_law_until_noise_take
     assert!((up.mean_q_1[1].value - alike(&sides[0]).min(alike(&sides[1]))).abs() < 1e-3);
 }
 
+/// The far well of one frequency may swing as widely as the near well of the next.
+#[test]
+fn a_sweep_stays_in_its_well_however_far_apart_its_frequencies_lie() {
+    let given = Parameters::new().with("coefficients", Parameter::Numbers(vec![-1.0, 0.1, 1.0]));
+    let wells = ContactLaw::given("polynomial", &given).unwrap();
+    let it = Oscillator::new(wells, 0.05, 2e-3).unwrap();
+    let excitation = driven(0.05, 1.8, 0.0);
+    let asked = settings(&excitation, 1e-2);
+    let curve = response(&it, &[1.4, 1.5, 1.6, 1.7, 1.8], &asked, &|_| ()).unwrap();
+    let [up, down] = curve.sweeps.as_ref().unwrap();
+    for (k, w) in curve.frequency.iter().enumerate() {
+        let [up, down] = [up, down].map(|it| it.mean_q_1[k].value);
+        println!("W = {w}: {up:.4}, {down:.4}");
+        assert_eq!(up, down);
+    }
+}
+
 #[test]
 fn with_less_and_less_noise_the_law_comes_to_the_orbit_found_by_shooting() {
     let drive = Drive::new(0.02, 1.2, 0.0).unwrap();

@@ -557,6 +557,20 @@ fn a_level_that_is_not_known_within_the_limits_is_no_answer_and_no_fault_of_the_
     assert!(it.stationary.is_some() && it.reach.is_none());
 }
 
+/// The level of a law that is solved for is half of what is not known of the time, and no course makes it known better.
+#[test]
+fn a_level_that_is_solved_for_is_known_as_exactly_as_its_time_asks() {
+    let it = run(
+        "[oscillator]\ndamping = \"contact\"\nzeta = 0.0655\nh = 0.0172\n[outputs]\n\
+         reach = { quantity = \"contact_loss_probability\", fraction = 0.5 }\n[accuracy]\ntolerance = 1e-3\n",
+    );
+    let reach = it.reach.as_ref().unwrap();
+    let t = reach.t.unwrap();
+    println!("{t}, on {:?} cells", reach.method.cells);
+    assert_eq!(reach.shortfall, None);
+    assert!(t.error < 1e-3 * t.value && (t.value - 13.449).abs() < 0.02);
+}
+
 #[test]
 fn a_mesh_of_the_program_s_own_that_cannot_hold_a_scene_is_no_answer_and_the_rest_is_told() {
     let it = run(

@@ -54,7 +54,7 @@ use crate::error::{Deadline, Error, Result, positive};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
 use interval::{Leg, Noise, Schedule};
-use pass::{Blocks, Buffers, Map, Matrix};
+use pass::{Blocks, Buffers, Map};
 use rows::{Rates, Rows};
 use std::ops::Range;
 use std::sync::Arc;
@@ -153,7 +153,6 @@ impl FlowMap {
         };
         let rows = Rows::of(oscillator, mesh, stationary);
         let stride = (nv + 2 * MARGIN).next_multiple_of(PANEL);
-        let open = vec![(0..nq, Matrix::new(nv, stride, None))];
         Ok(Self {
             oscillator: oscillator.clone(),
             rates: Rates::of(oscillator, mesh),
@@ -166,7 +165,7 @@ impl FlowMap {
             settings,
             spline: Spline::new(),
             rows,
-            open,
+            open: Vec::new(),
             maps: Vec::new(),
             matrices: Vec::new(),
             schedule: Schedule::default(),

@@ -221,7 +221,7 @@ mod tests {
         let width = n + 2 * MARGIN;
         let matrix = average(&axis, friction, temperature, stationary);
         let values: Vec<f64> = axis.centres().iter().map(|v| f(*v)).collect();
-        let filter = super::super::interpolation::coefficients(n, None);
+        let filter = super::super::interpolation::coefficients(n, None, &|| Ok(())).unwrap();
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         let coefficients: Vec<f64> = filter
             .chunks_exact(n)

@@ -185,8 +185,8 @@ impl Lines {
         let path = folder.join(part.file());
         let lock_path = folder.join(format!(".{}.lock", part.file()));
         let lock = Lock::take(lock_path, || {
-            let accepted = "a part that no other run is computing";
-            Error::invalid("--part", part.file(), accepted)
+            let accepted = format!("a folder in which no other run is computing part {part}");
+            Error::invalid("--out", folder.display(), accepted)
         })?;
         let (there, dropped) = if path.exists() {
             tidied(&path, ours)?

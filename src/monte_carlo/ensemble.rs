@@ -89,6 +89,8 @@ pub(crate) struct Ensemble {
     /// step at most half as long where the scheme is the same. None where that bias, in a variance or through the
     /// phase of the motion, is below one standard error.
     pub(crate) companion: Option<Walk>,
+    /// Whether scheme or step are the user's.
+    given: bool,
     /// What both will take.
     pub(crate) cost: Cost,
 }
@@ -154,6 +156,7 @@ impl Ensemble {
             stops,
             bias,
             companion,
+            given: settings.step.is_some() || settings.scheme != Scheme::Auto,
             cost,
         })
     }
@@ -205,10 +208,14 @@ impl Ensemble {
                 }
             }
         }
+        let advice = if self.given {
+            "; shorten monte_carlo.step or leave scheme and step out to have them chosen"
+        } else {
+            ""
+        };
         let warning = format!(
             "the step {} is long for the scheme {}: to the standard error of every sampled number is added what \
-             {} with steps of {} makes different; shorten monte_carlo.step or leave scheme and step out to have \
-             them chosen",
+             {} with steps of {} makes different{advice}",
             brief(it.step),
             it.scheme,
             beside.scheme,

@@ -13,7 +13,9 @@ use crate::results::{Results, dimension};
 pub(super) fn periodic(results: &Results, it: &Periodic) -> Result<Vec<File>> {
     let phase = Csv::of(results).plain("W t of the drive", "rad", it.phase.iter().copied());
     let moments = with_moments(phase, &it.moments, "error");
-    let numbers = (1..=it.mean_q.len()).map(|k| k as f64);
+    let most = it.harmonics().map(|(_, all)| all.len());
+    let most = most.into_iter().max().unwrap_or(0);
+    let numbers = (1..=most).map(|k| k as f64);
     let mut harmonics = Csv::of(results).plain("number", "1", numbers);
     for (moment, all) in it.harmonics() {
         let name = moment.name();
@@ -29,9 +31,11 @@ pub(super) fn periodic(results: &Results, it: &Periodic) -> Result<Vec<File>> {
         .plain("error", "1", it.multipliers.iter().map(|it| it.error));
     let mut files = vec![
         moments.file("periodic.csv"),
-        harmonics.file("harmonics.csv"),
         multipliers.file("multipliers.csv"),
     ];
+    if most > 0 {
+        files.push(harmonics.file("harmonics.csv"));
+    }
     let rig = results.scene.rig();
     let rig = rig.as_ref();
     if let Some(snapshot) = it.densities.first() {

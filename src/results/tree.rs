@@ -251,6 +251,10 @@ fn periodic(it: &Periodic) -> Value {
     let laws = laws.map(|it| it.each_ref().map(metastable));
     for (name, value) in [
         ("harmonics", harmonics),
+        (
+            "contact_loss_probability_mean",
+            json!(it.contact_loss_probability),
+        ),
         ("multipliers", json!(it.multipliers)),
         ("metastable", json!(laws)),
         ("residual", json!(it.residual)),

@@ -2,6 +2,7 @@
 
 use super::super::interpolation::{self, Filter, MARGIN, PANEL, POINTS};
 use super::rows::Rows;
+use crate::error::{Deadline, Result};
 use crate::matrix::vectorised;
 use rayon::prelude::*;
 use std::ops::Range;
@@ -195,10 +196,14 @@ fn product(values: &[f64], n: usize, matrix: &[f64], range: Range<usize>, panel:
 
 impl Matrix {
     /// Coefficients of the averaged values, of values; without `average` those of the values themselves.
-    pub(super) fn new(n: usize, stride: usize, average: Option<&[f64]>) -> Self {
+    pub(super) fn new(
+        (n, stride): (usize, usize),
+        average: Option<&[f64]>,
+        late: &Deadline,
+    ) -> Result<Self> {
         let width = n + 2 * MARGIN;
         // From values to coefficients.
-        let filter = interpolation::coefficients(n, None);
+        let filter = interpolation::coefficients(n, None, late)?;
         let dense = match average {
             None => filter,
             Some(average) => {
@@ -208,6 +213,7 @@ impl Matrix {
                     .chunks_exact(width)
                     .zip(averaged.chunks_exact_mut(n))
                 {
+                    late()?;
                     for (x, filter) in row.iter().zip(filter.chunks_exact(n)) {
                         if *x != 0.0 {
                             for (out, f) in out.iter_mut().zip(filter) {
@@ -216,7 +222,7 @@ impl Matrix {
                         }
                     }
                 }
-                interpolation::coefficients(n, Some(&averaged))
+                interpolation::coefficients(n, Some(&averaged), late)?
             }
         };
         let mut panels = vec![0.0; stride * n];
@@ -236,6 +242,6 @@ impl Matrix {
                 first..last + 1
             })
             .collect();
-        Self { panels, ranges }
+        Ok(Self { panels, ranges })
     }
 }

@@ -18,6 +18,11 @@ fn place<T>(list: &mut Vec<T>, it: T, same: impl Fn(&T) -> bool) -> usize {
 impl FlowMap {
     /// The schedule of an interval, and the maps and matrices that it still lacks.
     pub(super) fn prepare(&mut self, duration: f64, late: &Deadline) -> Result<()> {
+        if self.open.is_empty() {
+            let [nq, nv] = self.mesh.cells();
+            let open = Matrix::new((nv, self.buffers.stride), None, late)?;
+            self.open = vec![(0..nq, open)];
+        }
         let forced = self.forcing.as_ref().is_some_and(|it| it.acts());
         let same_time = !forced || self.schedule.start == self.now;
         if self.schedule.duration == duration && same_time {
@@ -85,7 +90,7 @@ impl FlowMap {
             last,
         };
         let new = &noises[self.matrices.len()..];
-        let one = |noise: &Noise| late().map(|()| (*noise, self.average(noise)));
+        let one = |noise: &Noise| Ok((*noise, self.average(noise, late)?));
         let matrices: Result<Vec<_>> = if self.shared() {
             new.par_iter().map(one).collect()
         } else {
@@ -131,7 +136,7 @@ impl FlowMap {
     }
 
     /// Friction with noise over a time.
-    fn average(&self, what: &Noise) -> Blocks {
+    fn average(&self, what: &Noise, late: &Deadline) -> Result<Blocks> {
         let (axis, it) = (&self.mesh.v, &self.oscillator);
         let average = |rate: f64| {
             let kick = match &self.forcing {
@@ -148,7 +153,9 @@ impl FlowMap {
         };
         let (n, stride) = (axis.len(), self.buffers.stride);
         let blocks = self.rates.blocks(&self.mesh).into_iter();
-        let matrix = |rate| Matrix::new(n, stride, Some(&average(rate)));
-        blocks.map(|(rows, rate)| (rows, matrix(rate))).collect()
+        let matrix = |rate| Matrix::new((n, stride), Some(&average(rate)), late);
+        blocks
+            .map(|(rows, rate)| Ok((rows, matrix(rate)?)))
+            .collect()
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::estimate::{Estimate, Origin};
 use serde::Serialize;
-use std::f64::consts::{FRAC_2_PI, TAU};
+use std::f64::consts::TAU;
 
 /// amplitude cos(k W t + phase).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
@@ -14,25 +14,22 @@ pub struct Harmonic {
 }
 
 impl Harmonic {
-    /// Harmonics 1 to `count` of a curve at equally spaced phases from 0 on, at most as many as the curve shows.
+    /// Harmonics 1 to `count` of a curve at equally spaced phases from 0 on, as many as every second of them shows. None of a
+    /// curve that is not known.
     ///
-    /// The k-th coefficient of an error that is nowhere above e is at most 4/pi of the mean of e. Beside it stands what the curve
+    /// The k-th coefficient of an error that is nowhere above e is at most twice the mean of e. Beside it stands what the curve
     /// has of harmonics that its points take for this one ([`between`]).
     pub(super) fn of(curve: &[Estimate], count: usize) -> Vec<Self> {
-        let count = count.min(curve.len().saturating_sub(1) / 2);
+        let count = count.min(curve.len().saturating_sub(1) / 4);
         (1..=count).map(|k| Self::number(curve, k)).collect()
     }
 
     fn number(curve: &[Estimate], k: usize) -> Self {
         let [cosine, sine] = coefficient(curve.iter(), k);
         let [c, s] = coefficient(curve.iter().step_by(2), k);
-        let aliased = if 4 * k < curve.len() {
-            between(curve, (cosine - c).hypot(sine - s))
-        } else {
-            0.0
-        };
+        let aliased = between(curve, (cosine - c).hypot(sine - s));
         let all: f64 = curve.iter().map(|it| it.error).sum();
-        let error = 2.0 * FRAC_2_PI * all / curve.len() as f64 + aliased;
+        let error = 2.0 * all / curve.len() as f64 + aliased;
         let largest = curve.iter().max_by(|a, b| a.error.total_cmp(&b.error));
         let origin = largest.map_or(Origin::default(), |it| it.origin);
         let amplitude = cosine.hypot(sine);
@@ -63,7 +60,8 @@ fn coefficient<'a>(curve: impl ExactSizeIterator<Item = &'a Estimate>, k: usize)
 /// Part of what every second point says otherwise that all of them may be off by: harmonics fall.
 const BETWEEN: f64 = 0.25;
 
-/// What a curve may do between its points, if so much is what every second of them says otherwise.
+/// What a curve may do between its points, if so much is what every second of them says otherwise. Those of an odd number are not
+/// equally spaced, and say nothing: there are as many then as leave nothing between.
 fn between(curve: &[Estimate], apart: f64) -> f64 {
     if curve.len().is_multiple_of(2) {
         BETWEEN * apart
@@ -102,9 +100,24 @@ mod tests {
         assert!((found[2].amplitude.value - 0.05).abs() < 1e-14);
         assert!((found[2].phase.value + 1.0).abs() < 1e-13);
         assert!(found[1].amplitude.value < 1e-14 && found[1].phase.value.is_nan());
-        assert!((found[0].amplitude.error / 1e-3 - 2.0 * FRAC_2_PI).abs() < 1e-12);
+        assert!((found[0].amplitude.error / 1e-3 - 2.0).abs() < 1e-12);
         assert!((mean(&curve).value - 0.3).abs() < 1e-14);
-        // No more than the points can tell apart.
-        assert_eq!(Harmonic::of(&curve[..4], 4).len(), 1);
+        // No more than every second point can tell apart.
+        assert_eq!(Harmonic::of(&curve[..8], 4).len(), 1);
+    }
+
+    #[test]
+    fn what_points_take_for_a_lower_harmonic_is_in_its_error() {
+        // The 63rd looks like the first at 64 points, and so does the 31st at every second of them.
+        let at = |k: u32| {
+            let t = TAU * f64::from(k) / 64.0;
+            let value = t.cos() + 0.01 * (31.0 * t).cos() + 0.0025 * (63.0 * t).cos();
+            Estimate::new(value, 0.0, Origin::Space)
+        };
+        let curve: Vec<Estimate> = (0..64).map(at).collect();
+        let first = Harmonic::of(&curve, 4)[0].amplitude;
+        let off = (first.value - 1.0).abs();
+        assert!((off - 0.0025).abs() < 1e-12, "{off}");
+        assert!(off <= first.error * (1.0 + 1e-9) && first.error < 1.01 * off);
     }
 }

@@ -78,9 +78,7 @@ impl MetastableLaw {
             contact_loss_probability: averaged(&it.moments, Moment::ContactLossProbability),
         }
     }
-}
 
-impl MetastableLaw {
     /// Its probability, E\[q\], the first harmonic of that, P(loss).
     pub(crate) fn main_numbers(&self) -> [Option<Estimate>; 4] {
         let first = self.mean_q.first().map(|it| it.amplitude);
@@ -122,7 +120,7 @@ impl PeriodicLaw {
         settings: &Settings,
     ) -> Result<Self> {
         let told = |asked: &Vec<Moment>| Moment::OVER_A_PERIOD.iter().any(|it| asked.contains(it));
-        let each = if settings.moments.as_ref().is_none_or(told) {
+        let each = if settings.moments.as_ref().is_none_or(told) && phases < 2 * SEEN {
             // An even number, for every second to be held against all.
             SEEN.div_ceil(phases.max(1))
                 .next_multiple_of(1 + phases % 2)
@@ -181,6 +179,7 @@ impl PeriodicLaw {
         let times = (&self.times[..], &self.maps[..]);
         let it = self.recipe.solve(question, times, limits, progress)?;
         let mut law = Periodic::of(it, self.each);
+        let forming = self.forming(&law);
         let flies = |it: &Estimate| it.value > it.error;
         if oscillator.continuous_from() == Some(0.0)
             && law.contact_loss_probability.as_ref().is_some_and(flies)
@@ -189,7 +188,7 @@ impl PeriodicLaw {
             let none = "no Floquet multipliers: without friction in flight the spectrum is continuous up to 1";
             law.warnings.push(none.into());
         }
-        if let Some(periods) = self.forming(&law) {
+        if let Some(periods) = forming {
             let periods = if periods.is_finite() {
                 format!("some {periods:.0} periods to form")
             } else {
@@ -207,6 +206,11 @@ impl PeriodicLaw {
 impl Periodic {
     /// Most stroboscopic maps of the density.
     pub const MAPS: usize = 8;
+
+    /// E\[q\], averaged over the phase.
+    pub(super) fn displacement(&self) -> Option<Estimate> {
+        averaged(&self.moments, Moment::MeanQ)
+    }
 
     /// The harmonics of each moment that has them.
     pub(crate) fn harmonics(&self) -> [(Moment, &[Harmonic]); 3] {

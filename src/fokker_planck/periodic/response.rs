@@ -12,7 +12,7 @@ use crate::oscillator::Oscillator;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Phases at which a point of the curve is known: harmonics 1 and 2 with those that alias into them beyond 14.
+/// Phases that have a say in the mesh and the steps of a point.
 const PHASES: usize = 16;
 
 /// A response curve with noise: one entry per frequency.
@@ -54,27 +54,44 @@ pub struct Sweep {
 impl Sweep {
     /// In the order of the sweep. It begins with the more probable law.
     fn through<'a>(laws: impl Iterator<Item = &'a Periodic>) -> Self {
-        // The first harmonic as a point of the plane: the branches differ in phase too.
-        let point = |it: &Harmonic| {
-            let (sine, cosine) = it.phase.value.sin_cos();
-            [it.amplitude.value * cosine, it.amplitude.value * sine]
+        // E[q] and its first harmonic as a point: the branches differ in phase too, or about what they swing.
+        let point = |about: Option<Estimate>, it: &Harmonic| {
+            let phase = it.phase.value;
+            let (sine, cosine) = if phase.is_nan() {
+                (0.0, 0.0)
+            } else {
+                phase.sin_cos()
+            };
+            let amplitude = it.amplitude.value;
+            [
+                about.map_or(0.0, |it| it.value),
+                amplitude * cosine,
+                amplitude * sine,
+            ]
         };
-        let mut last: Option<[f64; 2]> = None;
+        let mut last: Option<[f64; 3]> = None;
         let points = laws.map(|law| {
             let sides = law.metastable.as_ref().map_or(&[][..], |it| it);
             let far = |it: &MetastableLaw| match last {
                 Some(last) => {
-                    let [x, y] = point(&it.mean_q[0]);
-                    f64::hypot(x - last[0], y - last[1])
+                    let here = point(it.displacement, &it.mean_q[0]);
+                    let apart = here.iter().zip(last).map(|(x, last)| x - last);
+                    apart.fold(0.0, f64::hypot)
                 }
                 None => -it.probability.value,
             };
             let near = sides.iter().min_by(|a, b| far(a).total_cmp(&far(b)));
-            let (q, force, lost) = near.map_or(
-                (&law.mean_q, &law.mean_force, law.contact_loss_probability),
-                |it| (&it.mean_q, &it.mean_force, it.contact_loss_probability),
-            );
-            last = Some(point(&q[0]));
+            let (about, q, force, lost) = match near {
+                None => {
+                    let lost = law.contact_loss_probability;
+                    (law.displacement(), &law.mean_q, &law.mean_force, lost)
+                }
+                Some(it) => {
+                    let lost = it.contact_loss_probability;
+                    (it.displacement, &it.mean_q, &it.mean_force, lost)
+                }
+            };
+            last = Some(point(about, &q[0]));
             ((q[0].amplitude, force[0].amplitude), lost)
         });
         let (amplitudes, lost): (Vec<_>, Vec<Option<Estimate>>) = points.unzip();

@@ -5,6 +5,7 @@
 //! many points, the error constant |B_n|/n! instead of (n-1)!!^2/(2^n n!): 1/1300 of it.
 //! Values continue beyond the first and the last node by reflection there, so a constant stays one.
 
+use crate::error::{Deadline, Result};
 use crate::matrix::vectorise;
 
 /// Order of accuracy, and number of points of the stencil.
@@ -161,12 +162,13 @@ pub(crate) fn reflected(k: usize, n: usize) -> usize {
 }
 
 /// The matrix from n values to their n + 2 margin coefficients, row-major (n + 2 margin) x n, times a
-/// matrix of n rows (the identity without one).
-pub(crate) fn coefficients(n: usize, times: Option<&[f64]>) -> Vec<f64> {
+/// matrix of n rows (the identity without one); ended by `late`, which is asked before each panel.
+pub(crate) fn coefficients(n: usize, times: Option<&[f64]>, late: &Deadline) -> Result<Vec<f64>> {
     let filter = Filter::new(n);
     let mut panel = vec![0.0; n * PANEL];
     let mut matrix = vec![0.0; (n + 2 * MARGIN) * n];
     for first in (0..n).step_by(PANEL) {
+        late()?;
         let width = PANEL.min(n - first);
         for (i, row) in panel.chunks_exact_mut(PANEL).enumerate() {
             for (c, x) in row[..width].iter_mut().enumerate() {
@@ -180,7 +182,7 @@ pub(crate) fn coefficients(n: usize, times: Option<&[f64]>) -> Vec<f64> {
             out[first..first + width].copy_from_slice(&panel[row..row + width]);
         }
     }
-    matrix
+    Ok(matrix)
 }
 
 /// Coefficients of the splines through an n x n array, along its rows or down its columns, in the same
@@ -217,7 +219,7 @@ mod tests {
     /// The spline through `f` at n nodes of [0, 1], at x.
     fn through(n: usize, f: impl Fn(f64) -> f64, x: f64) -> f64 {
         let values: Vec<f64> = (0..n).map(|k| f(k as f64 / (n - 1) as f64)).collect();
-        let matrix = coefficients(n, None);
+        let matrix = coefficients(n, None, &|| Ok(())).unwrap();
         let spline = Spline::new();
         let (first, place) = Spline::place(x * (n - 1) as f64, n);
         let weights = spline.weights(place);

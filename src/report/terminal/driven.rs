@@ -10,7 +10,9 @@ pub(super) fn periodic(table: &mut Table, results: &Results) {
     let (Some(it), Some(drive)) = (&results.periodic, results.scene.excitation.drive) else {
         return;
     };
-    table.columns("THE LAW THAT LASTS", &["amplitude", "phase [rad]"]);
+    let heads = ["amplitude", "phase [rad]"];
+    let any = it.harmonics().iter().any(|(_, all)| !all.is_empty());
+    table.columns("THE LAW THAT LASTS", if any { &heads } else { &[] });
     for (moment, all) in it.harmonics() {
         let symbol = moment.entry().symbol;
         for (k, harmonic) in (1..).zip(all).take(2) {
