@@ -54,6 +54,23 @@ impl Oscillator {
     /// # Errors
     /// [`Error::Invalid`] for a damping ratio or level that is not finite and positive, or a T beyond what doubles resolve.
     pub fn new(contact: ContactLaw, zeta: f64, h: f64) -> Result<Self> {
+        let temperatures = match contact {
+            ContactLaw::Linear => Self::OF_LINEAR,
+            _ => Self::TEMPERATURES,
+        };
+        Self::within(contact, (zeta, h), temperatures)
+    }
+
+    /// One that a density is taken against, as hot as that asks for.
+    pub(crate) fn reference(contact: ContactLaw, zeta: f64, h: f64) -> Result<Self> {
+        Self::within(contact, (zeta, h), [f64::MIN_POSITIVE, 1e307])
+    }
+
+    fn within(
+        contact: ContactLaw,
+        (zeta, h): (f64, f64),
+        [coldest, hottest]: [f64; 2],
+    ) -> Result<Self> {
         positive("oscillator.zeta", zeta)?;
         positive("oscillator.h", h)?;
         let it = Self {
@@ -66,10 +83,6 @@ impl Oscillator {
             law: OnceLock::new(),
         };
         let t = it.temperature();
-        let [coldest, hottest] = match it.contact {
-            ContactLaw::Linear => Self::OF_LINEAR,
-            _ => Self::TEMPERATURES,
-        };
         if !(t <= hottest && t >= coldest) {
             let value = format!("{h:e} with oscillator.zeta = {zeta:e}");
             let accepted = if t > 1.0 {

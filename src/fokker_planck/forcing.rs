@@ -133,7 +133,7 @@ impl Forcing {
             factor = factor.max(1.0);
         }
         let zeta = oscillator.zeta();
-        let under = |h: f64| Oscillator::new(oscillator.contact().clone(), zeta, h);
+        let under = |h: f64| Oscillator::reference(oscillator.contact().clone(), zeta, h);
         // Without any noise until then the initial condition alone is there.
         let factor = if factor > 0.0 { factor } else { 1.0 };
         let noise = if factor == 1.0 {
@@ -217,7 +217,8 @@ impl Forcing {
         };
         let temperature = (highest / SPANNED.get()).max(coldest);
         let contact = self.noise.contact().clone();
-        let reference = Oscillator::new(contact, self.zeta, 2.0 * self.zeta * temperature / PI)?;
+        let level = 2.0 * self.zeta * temperature / PI;
+        let reference = Oscillator::reference(contact, self.zeta, level)?;
         Ok(Self {
             reference,
             ..self.clone()

@@ -285,8 +285,8 @@ impl Reach {
         Reached {
             t,
             method: it.method,
-            // What a course does not know it cannot deny.
-            shortfall: it.shortfall,
+            // The errors of the course are in the answer.
+            shortfall: None,
             warnings: vec![format!("reach: {}: {why}", self.moment.name())],
         }
     }
