@@ -17,8 +17,8 @@ impl Harmonic {
     /// Harmonics 1 to `count` of a curve at equally spaced phases from 0 on, as many as every second of them shows. None of a
     /// curve that is not known.
     ///
-    /// The k-th coefficient of an error that is nowhere above e is at most twice the mean of e. Beside it stands what the curve
-    /// has of harmonics that its points take for this one ([`between`]).
+    /// The error is the largest k-th coefficient of any curve within the errors of the points ([`at_most`]), and what the curve has of
+    /// harmonics that its points take for this one ([`between`]).
     pub(super) fn of(curve: &[Estimate], count: usize) -> Vec<Self> {
         let count = count.min(curve.len().saturating_sub(1) / 4);
         (1..=count).map(|k| Self::number(curve, k)).collect()
@@ -28,8 +28,7 @@ impl Harmonic {
         let [cosine, sine] = coefficient(curve.iter(), k);
         let [c, s] = coefficient(curve.iter().step_by(2), k);
         let aliased = between(curve, (cosine - c).hypot(sine - s));
-        let all: f64 = curve.iter().map(|it| it.error).sum();
-        let error = 2.0 * all / curve.len() as f64 + aliased;
+        let error = at_most(curve, k) + aliased;
         let largest = curve.iter().max_by(|a, b| a.error.total_cmp(&b.error));
         let origin = largest.map_or(Origin::default(), |it| it.origin);
         let amplitude = cosine.hypot(sine);
@@ -55,6 +54,21 @@ fn coefficient<'a>(curve: impl ExactSizeIterator<Item = &'a Estimate>, k: usize)
         sine += point.value * angle.sin() * 2.0 / n as f64;
     }
     [cosine, sine]
+}
+
+/// The largest coefficient of what is nowhere above the errors of a curve: 4/pi of a constant one, twice the mean at most. Its phase is
+/// looked for at as many places as there are points.
+fn at_most(curve: &[Estimate], k: usize) -> f64 {
+    let n = curve.len();
+    let towards = |m: usize| -> f64 {
+        let part = |(j, point): (usize, &Estimate)| {
+            // Halves of an angle between two points.
+            let halves = (2 * (k * j % n) + m) as f64;
+            point.error * (0.5 * TAU * halves / n as f64).cos().abs()
+        };
+        curve.iter().enumerate().map(part).sum()
+    };
+    (0..n).map(towards).fold(0.0, f64::max) * 2.0 / n as f64
 }
 
 /// Part of what every second point says otherwise that all of them may be off by: harmonics fall.
@@ -85,6 +99,7 @@ pub(super) fn mean(curve: &[Estimate]) -> Estimate {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::f64::consts::FRAC_PI_4;
 
     #[test]
     fn the_harmonics_of_a_known_curve_come_back() {
@@ -100,7 +115,7 @@ mod tests {
         assert!((found[2].amplitude.value - 0.05).abs() < 1e-14);
         assert!((found[2].phase.value + 1.0).abs() < 1e-13);
         assert!(found[1].amplitude.value < 1e-14 && found[1].phase.value.is_nan());
-        assert!((found[0].amplitude.error / 1e-3 - 2.0).abs() < 1e-12);
+        assert!((found[0].amplitude.error / 1e-3 * FRAC_PI_4 - 1.0).abs() < 0.01);
         assert!((mean(&curve).value - 0.3).abs() < 1e-14);
         // No more than every second point can tell apart.
         assert_eq!(Harmonic::of(&curve[..8], 4).len(), 1);
