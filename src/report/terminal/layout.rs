@@ -74,7 +74,9 @@ impl Table {
     fn headed(&mut self, title: &str, heads: &str) {
         let room = heads.len() - heads.trim_start().len();
         let over = title.chars().count().saturating_sub(26);
-        if over < room {
+        if heads.is_empty() {
+            self.heading(title);
+        } else if over < room {
             self.heading(format!("{title:<26}{}", &heads[over..]));
         } else {
             self.heading(title);
