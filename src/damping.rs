@@ -195,6 +195,8 @@ pub(crate) struct Averaged {
     ln_normaliser: f64,
     /// The integral of exp(-Psi) over the plane beyond each energy, over the whole.
     beyond: Vec<f64>,
+    /// E\[v^2\].
+    kinetic_temperature: f64,
 }
 
 /// Psi at the energy to which the reference law reaches: e^-16 = 1e-7.
@@ -226,6 +228,7 @@ impl Averaged {
             psi: vec![0.0],
             ln_normaliser: 0.0,
             beyond: Vec::new(),
+            kinetic_temperature: temperature,
         };
         // Action and loss of the last row; both begin at 0.
         let mut slope_before = None;
@@ -270,6 +273,18 @@ impl Averaged {
             .collect();
         let total: f64 = masses.iter().sum();
         it.ln_normaliser = total.ln() - lowest;
+        // The integral of v^2 over the plane between two energies is that of the action over them.
+        let rows = masses
+            .iter()
+            .zip(it.energies.windows(2))
+            .zip(areas.windows(2));
+        let squares: f64 = rows
+            .map(|((mass, energy), area)| {
+                let action = 0.5 * (area[0] + area[1]);
+                mass * action * (energy[1] - energy[0]) / (area[1] - area[0])
+            })
+            .sum();
+        it.kinetic_temperature = squares / total;
         it.beyond = vec![0.0; it.psi.len()];
         for k in (0..masses.len()).rev() {
             it.beyond[k] = it.beyond[k + 1] + masses[k] / total;
@@ -289,6 +304,11 @@ impl Averaged {
         let end = self.psi.iter().rposition(|psi| psi - lowest <= reach);
         let end = end.unwrap_or(0).max(1);
         self.energies[end] / (self.psi[end] - lowest).max(f64::MIN_POSITIVE)
+    }
+
+    /// E\[v^2\], the temperature of most of it, where that of [`Averaged::reference_temperature`] is of its tails.
+    pub(crate) fn kinetic_temperature(&self) -> f64 {
+        self.kinetic_temperature
     }
 
     /// The first energy of the table beyond which no more than a probability lies.
@@ -357,6 +377,7 @@ mod tests {
                 assert!((psi - energy / t).abs() < 1e-12 * (1.0 + psi));
             }
             assert!((it.reference_temperature() / t - 1.0).abs() < 1e-12);
+            assert!((it.kinetic_temperature() / t - 1.0).abs() < 2e-3, "{t}");
         }
         // G = q: P(H > E) = e^{-E/T}.
         let constant = Damping::of_displacement(|_| 1.0).unwrap();

@@ -240,9 +240,15 @@ impl Oscillator {
 
     /// T of the Gibbs law exp(-H/T)/Z. Under viscous damping that is the stationary law, T = pi h/(2 zeta) is the
     /// variance of the velocity and the law's only parameter. Under any other it is the reference that solvers weigh
-    /// with and scales are taken from, hotter where the true law has longer tails ([`crate::damping`]).
+    /// with, hotter where the true law has longer tails ([`crate::damping`]).
     pub fn temperature(&self) -> f64 {
         self.temperature
+    }
+
+    /// E\[v^2\] of the stationary law, of that averaged over orbits where it has no closed form: what scales are taken from.
+    pub(crate) fn kinetic_temperature(&self) -> f64 {
+        let averaged = self.averaged.as_ref();
+        averaged.map_or(self.temperature, |it| it.kinetic_temperature())
     }
 
     /// T = pi h/(2 zeta), whatever the damping law.

@@ -4,8 +4,9 @@ use crate::moments::{Moment, Moments, PerMoment};
 use crate::oscillator::Oscillator;
 
 /// Normalisations: the stationary deviation for q and N, sqrt(T) for v, variances for variances, T for
-/// the energy, 1 for probabilities, the larger of 1 and their value for skewness and kurtosis. Without a stationary law, those of
-/// the deviations at that time, or the value itself where that is larger.
+/// the energy, 1 for probabilities, the larger of 1 and their value for skewness and kurtosis. Where the stationary law has no closed
+/// form, those of exp(-H/T)/Z with the T = E\[v^2\] of the law averaged over orbits; without a stationary law, those of the deviations
+/// at that time, or the value itself where that is larger.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Scales {
     known: Option<PerMoment<f64>>,
@@ -14,8 +15,13 @@ pub struct Scales {
 impl Scales {
     /// The scales of an oscillator.
     pub fn of(oscillator: &Oscillator) -> Self {
-        let known = oscillator.displacement_law().ok().map(|law| {
-            let t = oscillator.temperature();
+        let t = oscillator.kinetic_temperature();
+        let law = if oscillator.is_viscous() {
+            oscillator.displacement_law()
+        } else {
+            oscillator.of_temperature(t).displacement_law()
+        };
+        let known = law.ok().map(|law| {
             let [_, q] = law.spread(|q| q);
             let square = law.expect(|q| oscillator.contact().force(q).powi(2));
             let force = square.value.sqrt();

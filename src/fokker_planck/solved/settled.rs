@@ -4,6 +4,7 @@
 use super::law::Law;
 use super::on_mesh::OnMesh;
 use crate::error::{Deadline, Error, Result};
+use crate::fokker_planck::budget::timing;
 use crate::fokker_planck::convergence::{UNKNOWN, left, left_of};
 use crate::fokker_planck::hermite::{Kept, Resolution, heavy, work};
 use crate::fokker_planck::policy::SETTLED_LAW_SHARE;
@@ -37,8 +38,8 @@ pub(in crate::fokker_planck) const FARTHEST: f64 = 2.0;
 pub(in crate::fokker_planck) struct Approach<'a> {
     oscillator: &'a Oscillator,
     late: &'a Deadline<'a>,
-    /// Bytes allowed.
-    memory: u64,
+    /// Bytes and seconds allowed, the seconds for one resolution after the two that an answer takes.
+    most: (u64, f64),
     /// In Hermite functions, the coarsest first.
     functions: Vec<Law>,
     on_mesh: Vec<Law>,
@@ -48,12 +49,12 @@ impl<'a> Approach<'a> {
     pub(in crate::fokker_planck) fn new(
         oscillator: &'a Oscillator,
         late: &'a Deadline,
-        memory: u64,
+        most: (u64, f64),
     ) -> Self {
         Self {
             oscillator,
             late,
-            memory,
+            most,
             functions: Vec::new(),
             on_mesh: Vec::new(),
         }
@@ -63,13 +64,15 @@ impl<'a> Approach<'a> {
     /// Hermite functions, or on a mesh where that is nearer.
     pub(in crate::fokker_planck) fn within(&mut self, tolerance: f64) -> Result<Settled> {
         let (oscillator, late) = (self.oscillator, self.late);
-        let fits = |bytes: u64| {
-            let full = || heavy(oscillator, "and finer ones do not fit accuracy.max_memory");
-            (bytes <= self.memory).then_some(()).ok_or_else(full)
+        let fits = |level: usize, bytes: u64, seconds: f64| {
+            let full = || heavy(oscillator, "and finer ones do not fit their limits");
+            let fits = bytes <= self.most.0 && (level < 2 || seconds <= self.most.1);
+            fits.then_some(()).ok_or_else(full)
         };
         let goal = SETTLED_LAW_SHARE.get() * tolerance;
         let functions = |level: usize| {
-            fits(work(FIRST.refined(level)).0)?;
+            let (bytes, operations) = work(FIRST.refined(level));
+            fits(level, bytes, timing::OPERATION * operations)?;
             let law = Kept::new(oscillator, FIRST.refined(level), late)?;
             Ok(Law::Functions(law))
         };
@@ -80,7 +83,9 @@ impl<'a> Approach<'a> {
         }
         let on_mesh = |level: usize| {
             late()?;
-            fits(OnMesh::work(oscillator, level)?.memory)?;
+            let it = OnMesh::work(oscillator, level)?;
+            // Of the meshes the first is dear.
+            fits(level + 2, it.memory, it.seconds)?;
             Ok(Law::OnMesh(OnMesh::new(oscillator, level)?))
         };
         let on_mesh = known(&mut self.on_mesh, on_mesh);
@@ -119,7 +124,7 @@ impl Settled {
         late: &Deadline,
         memory: u64,
     ) -> Result<Self> {
-        Approach::new(oscillator, late, memory).within(tolerance)
+        Approach::new(oscillator, late, (memory, f64::INFINITY)).within(tolerance)
     }
 
     /// As near to `goal` as so many resolutions of one kind come.

@@ -8,7 +8,7 @@ use crate::fokker_planck::flux::Drift;
 use crate::fokker_planck::forcing::Forcing;
 use crate::fokker_planck::layout::{self, Cells, Layout};
 use crate::fokker_planck::mesh::Mesh;
-use crate::fokker_planck::policy::{FALLING, INITIAL_CELLS, REFINED};
+use crate::fokker_planck::policy::{FALLING, INITIAL_CELLS, LADDER_RATIO, REFINED};
 use crate::fokker_planck::settings::{Settings, TimeScheme, TransientMethod};
 use crate::initial::Initial;
 use crate::oscillator::Oscillator;
@@ -160,11 +160,15 @@ impl Asked<'_> {
     }
 
     /// The rung expected for the tolerance: the median over the scenes of the calibration, which need two more or fewer each.
-    /// What the flow map splits of friction that is not constant falls slowest.
+    /// What the flow map splits of friction that is not constant falls slowest, and a law narrower than the one that p is taken
+    /// against asks for cells as much finer.
     pub(super) fn expected(&self) -> f64 {
-        let splits = !self.oscillator.damping().has_closed_form() && self.takes_flow_map();
+        let it = self.oscillator;
+        let splits = !it.damping().has_closed_form() && self.takes_flow_map();
         let decade = if splits { 2.7 } else { 1.5 };
-        (2.2 + decade * (1e-2 / self.settings.tolerance).log10())
+        let narrower = 0.5 * (it.temperature() / it.kinetic_temperature()).ln();
+        let narrower = (narrower / LADDER_RATIO.get().ln()).max(0.0);
+        (2.2 + decade * (1e-2 / self.settings.tolerance).log10() + narrower)
             .round()
             .clamp(2.0, 10.0)
     }

@@ -1,15 +1,33 @@
 //! A moment against time as courses have shown it, and where it may pass a level: an extremum between two times counts as much as
 //! a value at one.
 
-use crate::estimate::Estimate;
+use crate::estimate::{Estimate, Origin};
 use crate::roots::bisect;
 
 /// A moment against time, turned so that it rises through 0 where it first reaches the level.
 pub(super) struct Curve {
     level: Estimate,
     sign: f64,
+    courses: Vec<Course>,
+}
+
+/// What one course shows: values at ascending times, and the parts of time that they stand close enough in.
+struct Course {
     times: Vec<f64>,
     values: Vec<Estimate>,
+    parts: Vec<[f64; 2]>,
+}
+
+/// The curve at one time: the interpolated value, an error of those about it, how far it may be off between them, and the highest
+/// and the lowest it can be by the slopes about it.
+#[derive(Clone, Copy)]
+struct Place {
+    value: f64,
+    error: f64,
+    unsure: f64,
+    within: [f64; 2],
+    /// Between the times that show it.
+    spacing: f64,
 }
 
 /// A stretch of time in which the curve may pass the level.
@@ -44,11 +62,12 @@ pub(super) struct Crossing {
 
 /// Pieces of an interval between two times that are looked at.
 const PIECES: u32 = 64;
-/// So many times in a stretch that is looked at more closely, and in the time between two that show it.
-const OF_STRETCH: f64 = 8.0;
+/// So many times are put where there was one, of a stretch whose curve is not known between the times.
 const OF_SPACING: f64 = 4.0;
+/// Times beyond both ends of a stretch, for the interpolation.
+const BEYOND: f64 = 2.0;
 /// Times about a stretch at least.
-const FINE: f64 = 16.0;
+const FINE: f64 = 8.0;
 
 impl Crossing {
     pub(super) fn error(&self) -> f64 {
@@ -80,24 +99,20 @@ impl Stretch {
         };
     }
 
-    /// Times about it, some beyond both ends for the interpolation, no more than `most`.
-    fn window(&self, end: f64, most: f64) -> Vec<f64> {
-        let width = (self.to - self.from).max(1e-9 * self.to);
-        let (from, to) = (
-            (self.from - 0.5 * width).max(0.0),
-            (self.to + 0.5 * width).min(end),
-        );
+    /// Times about it for values that err so many times as much, some beyond both ends, no more than `most`: no nearer to each
+    /// other than the interpolation needs, of order 4, since steps that end sooner bring no value nearer.
+    fn window(&self, end: f64, most: f64, finer: f64) -> Vec<f64> {
         let parts = if self.by_value() > 0.5 {
-            1.0
+            let unsure = self.unsure / (finer * self.error);
+            (4.0 * unsure).powf(0.25).clamp(1.0, OF_SPACING)
         } else {
             OF_SPACING
         };
-        let apart = (self.spacing / parts).min(width / OF_STRETCH);
-        evenly(
-            from,
-            to,
-            ((to - from) / apart).ceil().clamp(FINE, most.max(FINE)),
-        )
+        let apart = self.spacing / parts;
+        let from = (self.from - BEYOND * apart).max(0.0);
+        let to = (self.to + BEYOND * apart).min(end);
+        let count = ((to - from) / apart).ceil();
+        evenly(from, to, count.clamp(BEYOND, most.max(FINE)))
     }
 }
 
@@ -110,9 +125,8 @@ impl Passage {
             return by_value.map(|it| it.top.abs() / it.error).reduce(f64::min);
         };
         let first = self.stretches.first()?;
-        let (spread, share) = (crossing.error(), first.by_value());
-        let piece = first.spacing / f64::from(PIECES);
-        (share * spread > (1.0 - share) * spread + piece).then(|| aim / (share * spread))
+        let share = first.by_value();
+        (share > 0.5).then(|| aim / (share * crossing.error()))
     }
 
     /// What is not known of the values where it may have passed first.
@@ -120,13 +134,14 @@ impl Passage {
         self.stretches.first().map(|it| it.error)
     }
 
-    /// Times that show more of every stretch, of very many of the first, no more than `most`, and the parts that they look at.
-    pub(super) fn closer(&self, end: f64, most: f64) -> (Vec<f64>, Vec<[f64; 2]>) {
+    /// Times that show more of every stretch with values that err so many times as much, of very many of the first, no more than
+    /// `most`, and the parts that they look at.
+    pub(super) fn closer(&self, end: f64, most: f64, finer: f64) -> (Vec<f64>, Vec<[f64; 2]>) {
         let mut times: Vec<f64> = Vec::new();
         let mut parts: Vec<[f64; 2]> = Vec::new();
         let stretches = self.stretches.iter().take((most / FINE) as usize);
         let each = most / stretches.len() as f64;
-        for window in stretches.map(|it| it.window(end, each)) {
+        for window in stretches.map(|it| it.window(end, each, finer)) {
             let (first, last) = (window[0], window[window.len() - 1]);
             match parts.last_mut().filter(|it| first <= it[1]) {
                 Some(part) => part[1] = part[1].max(last),
@@ -139,82 +154,42 @@ impl Passage {
     }
 }
 
-impl Curve {
-    /// Nothing yet of a moment about a level.
-    pub(super) fn about(level: Estimate) -> Self {
-        Self {
-            level,
-            sign: 1.0,
-            times: Vec::new(),
-            values: Vec::new(),
-        }
-    }
-
-    /// Puts the level where it is known to lie more exactly.
-    pub(super) fn lies(&mut self, level: Estimate) {
-        self.level = level;
-    }
-
-    /// Takes what a course shows in these parts instead of what was known there.
-    pub(super) fn take(&mut self, times: &[f64], values: &[Estimate], parts: &[[f64; 2]]) {
-        if self.times.is_empty() {
-            let below = values.first().is_none_or(|it| it.value < self.level.value);
-            self.sign = if below { 1.0 } else { -1.0 };
-        }
-        let within = |t: f64| parts.iter().any(|it| (it[0]..=it[1]).contains(&t));
-        let known = self.times.drain(..).zip(self.values.drain(..));
-        let mut all: Vec<(f64, Estimate)> = known.filter(|it| !within(it.0)).collect();
-        let new = times.iter().copied().zip(values.iter().copied());
-        all.extend(new.filter(|it| within(it.0)));
-        all.sort_by(|a, b| a.0.total_cmp(&b.0));
-        (self.times, self.values) = all.into_iter().unzip();
-    }
-
-    pub(super) fn first(&self) -> Option<Estimate> {
-        self.values.first().copied()
-    }
-
-    /// The last time and the value there.
-    pub(super) fn last(&self) -> Option<(f64, Estimate)> {
-        let last = self.times.last().zip(self.values.last());
-        last.map(|(t, value)| (*t, *value))
-    }
-
-    /// What is not known of the last height over the level.
-    pub(super) fn error(&self) -> f64 {
-        self.level.error + self.values.last().map_or(0.0, |it| it.error)
-    }
-
-    /// Whether the very first time has the level, to its error and to the tolerance.
-    pub(super) fn at_once(&self, tolerance: f64) -> bool {
-        let has = |it: &Estimate| {
-            let error = it.error + self.level.error;
-            (it.value - self.level.value).abs() <= error.min(tolerance * self.level.value.abs())
+impl Course {
+    fn covers(&self, t: f64) -> bool {
+        let after = self.parts.partition_point(|it| it[1] < t);
+        let ends = (self.times.first(), self.times.last());
+        let (Some(first), Some(last)) = ends else {
+            return false;
         };
-        self.times.first() == Some(&0.0) && self.values.first().is_some_and(has)
+        (*first..=*last).contains(&t) && self.parts.get(after).is_some_and(|it| it[0] <= t)
     }
 
-    /// Whether all of the last quarter is within so much of a value, or within its error.
-    pub(super) fn stays(&self, value: f64, within: f64) -> bool {
-        let end = self.times.last().copied().unwrap_or(0.0);
-        let all = self.times.iter().zip(&self.values);
-        let mut quarter = all.filter(|(t, _)| **t >= 0.75 * end);
-        quarter.all(|(_, it)| (it.value - value).abs() <= within.max(it.error + self.level.error))
+    fn at(&self, t: f64) -> Place {
+        let last = self.times.len() - 1;
+        let k = self.times.partition_point(|it| *it <= t);
+        let k = k.saturating_sub(1).min(last.saturating_sub(1));
+        let [a, b] = [k, (k + 1).min(last)].map(|i| self.values[i]);
+        let (value, unsure) = self.between(k, t);
+        let bend = self.bend(k);
+        let highest = a.value.max(b.value) + bend;
+        Place {
+            value,
+            error: a.error.max(b.error),
+            unsure,
+            within: [a.value.min(b.value) - bend, highest],
+            spacing: self.times[(k + 1).min(last)] - self.times[k],
+        }
     }
 
-    /// Height over the level.
-    fn over(&self, k: usize) -> f64 {
-        self.sign * (self.values[k].value - self.level.value)
-    }
-
-    /// The most by which the curve may rise between times k and k + 1 over its values there: a peak is no steeper than what lies
+    /// The most by which the curve may leave its values at times k and k + 1 between them: a peak is no steeper than what lies
     /// beside it.
     fn bend(&self, k: usize) -> f64 {
         let last = self.times.len() - 1;
         let beside = k.saturating_sub(1)..(k + 2).min(last);
         let width = |i: usize| self.times[i + 1] - self.times[i];
-        let slope = |i: usize| (self.over(i + 1) - self.over(i)).abs() / width(i);
-        width(k) * beside.map(slope).fold(0.0, f64::max)
+        let slope = |i: usize| (self.values[i + 1].value - self.values[i].value).abs() / width(i);
+        let steepest = beside.map(slope).fold(0.0, f64::max);
+        if k < last { width(k) * steepest } else { 0.0 }
     }
 
     /// The cubic through the four times about interval `k`, and how far it is from those one time before and after: a parabola would
@@ -237,55 +212,148 @@ impl Curve {
             let weight: f64 = others
                 .map(|j| (t - self.times[j]) / (self.times[i] - self.times[j]))
                 .product();
-            weight * self.over(i)
+            weight * self.values[i].value
         };
         nodes.clone().map(value).sum()
+    }
+}
+
+impl Curve {
+    /// Nothing yet of a moment about a level.
+    pub(super) fn about(level: Estimate) -> Self {
+        Self {
+            level,
+            sign: 1.0,
+            courses: Vec::new(),
+        }
+    }
+
+    /// Puts the level where it is known to lie more exactly.
+    pub(super) fn lies(&mut self, level: Estimate) {
+        self.level = level;
+    }
+
+    /// Takes what a course shows in these parts.
+    pub(super) fn take(&mut self, times: &[f64], values: Vec<Estimate>, parts: Vec<[f64; 2]>) {
+        if self.courses.is_empty() {
+            let below = values.first().is_none_or(|it| it.value < self.level.value);
+            self.sign = if below { 1.0 } else { -1.0 };
+        }
+        self.courses.push(Course {
+            times: times.to_vec(),
+            values,
+            parts,
+        });
+    }
+
+    pub(super) fn first(&self) -> Option<Estimate> {
+        self.courses.first()?.values.first().copied()
+    }
+
+    /// The last time and the value there.
+    pub(super) fn last(&self) -> Option<(f64, Estimate)> {
+        let ends = self.courses.iter().filter_map(|it| it.times.last());
+        let end = ends.copied().reduce(f64::max)?;
+        let place = self.at(end)?;
+        Some((end, Estimate::new(place.value, place.error, Origin::Time)))
+    }
+
+    /// What is not known of the last height over the level.
+    pub(super) fn error(&self) -> f64 {
+        self.level.error + self.last().map_or(0.0, |it| it.1.error)
+    }
+
+    /// Whether the very first time has the level, to its error and to the tolerance.
+    pub(super) fn at_once(&self, tolerance: f64) -> bool {
+        let has = |it: Estimate| {
+            let error = it.error + self.level.error;
+            (it.value - self.level.value).abs() <= error.min(tolerance * self.level.value.abs())
+        };
+        let begins = |it: &Course| it.times.first() == Some(&0.0);
+        self.courses.first().is_some_and(begins) && self.first().is_some_and(has)
+    }
+
+    /// Whether all of the last quarter is within so much of a value, or within its error.
+    pub(super) fn stays(&self, value: f64, within: f64) -> bool {
+        let end = self.last().map_or(0.0, |it| it.0);
+        let times = self.times();
+        let quarter = times.iter().filter(|t| **t >= 0.75 * end);
+        let mut places = quarter.filter_map(|t| self.at(*t));
+        places.all(|it| (it.value - value).abs() <= within.max(it.error + self.level.error))
+    }
+
+    /// The times of all courses.
+    fn times(&self) -> Vec<f64> {
+        let all = self.courses.iter().flat_map(|it| &it.times);
+        let mut times: Vec<f64> = all.copied().collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        times
+    }
+
+    /// What the course shows that knows most of it.
+    fn at(&self, t: f64) -> Option<Place> {
+        let covering = self.courses.iter().filter(|it| it.covers(t));
+        let places = covering.map(|it| it.at(t));
+        places.min_by(|a, b| (a.error + a.unsure).total_cmp(&(b.error + b.unsure)))
     }
 
     /// Where it may pass, and where it first certainly has.
     pub(super) fn passage(&self) -> Passage {
         let mut seen = Passage::default();
+        // A level that is not known is as if the values were not.
+        let error = |it: &Place| it.error + self.level.error;
+        let over = |value: f64| self.sign * (value - self.level.value);
+        // Where even a peak between the times stays away nothing is looked at more closely.
+        let near = |it: &Place| {
+            it.within.map(over).into_iter().fold(f64::MIN, f64::max) + error(it) >= 0.0
+        };
+        let possible = |it: &Place| near(it) && over(it.value) + it.unsure + error(it) >= 0.0;
+        let certain = |it: &Place| over(it.value) - it.unsure - error(it) >= 0.0;
+        let above = |it: &Place| over(it.value) >= 0.0;
+        // Where a piece turns so.
+        let turns = |[before, at]: [f64; 2], so: &dyn Fn(&Place) -> bool| {
+            bisect(before, at, |t| self.at(t).is_some_and(|it| so(&it)))
+        };
         let (mut t, mut open) = (None, false);
-        for k in 0..self.times.len().saturating_sub(1) {
-            // A level that is not known is as if the values were not.
-            let error = self.level.error + self.values[k].error.max(self.values[k + 1].error);
-            let width = self.times[k + 1] - self.times[k];
-            let piece = width / f64::from(PIECES);
-            // Where even a peak between the times stays away nothing is looked at more closely.
-            if self.over(k).max(self.over(k + 1)) + error + self.bend(k) < 0.0 {
+        for ends in self.times().windows(2) {
+            let middle = 0.5 * (ends[0] + ends[1]);
+            if !self.at(middle).is_some_and(|it| near(&it)) {
                 open = false;
                 continue;
             }
+            let place = |j: u32| ends[0] + (ends[1] - ends[0]) * f64::from(j) / f64::from(PIECES);
             for j in 0..=PIECES {
-                let at = self.times[k] + piece * f64::from(j);
-                let (height, unsure) = self.between(k, at);
-                if height + error + unsure < 0.0 {
+                let piece = [place(j.saturating_sub(1)), place(j)];
+                let Some(here) = self.at(piece[1]).filter(possible) else {
                     open = false;
                     continue;
+                };
+                if t.is_none() && above(&here) {
+                    t = Some(turns(piece, &above));
                 }
-                if t.is_none() && height >= 0.0 {
-                    t = Some(self.root(k, (at - piece).max(0.0), at));
-                }
-                // The pieces are a resolution too.
-                let (from, to) = ((at - piece).max(0.0), at + piece);
-                let here = Stretch {
-                    from,
-                    to,
-                    spacing: width,
-                    top: height,
-                    error,
-                    unsure,
+                let stretch = Stretch {
+                    from: if open {
+                        piece[0]
+                    } else {
+                        turns(piece, &possible)
+                    },
+                    to: piece[1],
+                    spacing: here.spacing,
+                    top: over(here.value),
+                    error: error(&here),
+                    unsure: here.unsure,
                 };
                 match seen.stretches.last_mut().filter(|_| open) {
-                    Some(it) => it.extend(here),
-                    None => seen.stretches.push(here),
+                    Some(it) => it.extend(stretch),
+                    None => seen.stretches.push(stretch),
                 }
                 open = true;
-                if height - error - unsure >= 0.0
+                if certain(&here)
                     && let Some(t) = t
                 {
                     let low = seen.stretches[0].from.min(t);
-                    let high = to.max(t);
+                    let high = turns(piece, &certain).max(t);
                     seen.crossing = Some(Crossing { t, low, high });
                     return seen;
                 }
@@ -293,18 +361,52 @@ impl Curve {
         }
         seen
     }
-
-    /// Where the interpolant crosses between two places, by bisection.
-    fn root(&self, k: usize, low: f64, high: f64) -> f64 {
-        if self.between(k, low).0 >= 0.0 {
-            return high;
-        }
-        bisect(low, high, |t| self.between(k, t).0 >= 0.0)
-    }
 }
 
 /// Equally spaced times from one to another, both among them.
 pub(super) fn evenly(from: f64, to: f64, count: f64) -> Vec<f64> {
     let at = |k: u32| from + (to - from) * f64::from(k) / count;
     (0..=count as u32).map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ALWAYS: [f64; 2] = [0.0, f64::INFINITY];
+
+    fn values(times: &[f64], error: f64, off: f64) -> Vec<Estimate> {
+        let value = |t: &f64| Estimate::new(1.0 - (-t).exp() + off, error, Origin::Space);
+        times.iter().map(value).collect()
+    }
+
+    /// 1 - e^{-t} reaches 1/2 at ln 2, known as well as the values are over the slope there, however far apart the times lie.
+    #[test]
+    fn a_crossing_is_known_as_well_as_the_values() {
+        for spacing in [0.02, 0.1] {
+            let mut curve = Curve::about(Estimate::closed_form(0.5));
+            let times = evenly(0.0, 4.0, 4.0 / spacing);
+            curve.take(&times, values(&times, 1e-4, 0.0), vec![ALWAYS]);
+            let crossing = curve.passage().crossing.unwrap();
+            println!("{crossing:?}");
+            assert!((crossing.t - 2f64.ln()).abs() < 1e-5);
+            assert!((crossing.error() / 2e-4 - 1.0).abs() < 0.05);
+        }
+    }
+
+    #[test]
+    fn a_course_that_errs_more_takes_nothing_from_one_before() {
+        let mut curve = Curve::about(Estimate::closed_form(0.5));
+        let times = evenly(0.0, 4.0, 100.0);
+        curve.take(&times, values(&times, 1e-4, 0.0), vec![ALWAYS]);
+        let before = curve.passage().crossing;
+        let about = evenly(0.5, 0.9, 8.0);
+        curve.take(&about, values(&about, 0.1, 0.03), vec![[0.5, 0.9]]);
+        assert_eq!(curve.passage().crossing, before);
+        // One that errs less is believed where it looks, and not beyond.
+        curve.take(&about, values(&about, 1e-6, 0.0), vec![[0.5, 0.9]]);
+        let finer = curve.passage().crossing.unwrap();
+        assert!(finer.error() < 0.05 * before.unwrap().error());
+        assert_eq!(curve.last().unwrap().1.error, 1e-4);
+    }
 }

@@ -208,9 +208,11 @@ fn of_differences(
     now
 }
 
-/// The normalisation of every number of a run.
+/// The normalisation of every number of a run: by the stationary law that was solved for, if one was.
 pub(super) fn scales(task: &Task, run: &Run) -> Table {
-    let scales = Scales::of(task.oscillator);
+    let contact = task.oscillator.contact();
+    let solved = task.law.map(|it| it.law.raw().moments(contact));
+    let scales = solved.map_or_else(|| Scales::of(task.oscillator), |law| Scales::of_law(&law));
     let rows = run.outputs.iter();
     rows.map(|it| scales.each(&it.moments)).collect()
 }

@@ -7,8 +7,9 @@ use crate::fokker_planck::solved::{Approach, FARTHEST, Settled};
 use crate::initial::Initial;
 
 /// The law as near as the answer asks, with s its share of the tolerance: to an L1 error of s times the tolerance where the run
-/// begins in it or comes that close to it, else of s^2 times the nearest distance. None where nothing asks for it, or where it is
-/// not found and only distances would be taken to it.
+/// begins in it or comes that close to it, else of s^2 times the nearest distance. Where only distances are taken to it, no
+/// resolution beyond the first two takes longer than the run is foreseen to. None where nothing asks for it, or where it is not found
+/// and only distances would be taken to it.
 ///
 /// # Errors
 /// Those of the law and of the limits; a run that begins in a law cannot do without.
@@ -24,7 +25,8 @@ pub(super) fn law(task: &Task, late: &Deadline) -> Result<Option<Settled>> {
     if begins {
         return Settled::within(oscillator, recipe.tolerance, late, task.limits.memory).map(Some);
     }
-    let mut approach = Approach::new(oscillator, late, task.limits.memory);
+    let most = (task.limits.memory, recipe.cost.seconds);
+    let mut approach = Approach::new(oscillator, late, most);
     let mut within = |tolerance| match approach.within(tolerance) {
         Err(Error::Unresolved { .. } | Error::Linear { .. }) => Ok(None),
         law => law.map(Some),

@@ -57,7 +57,7 @@ const PASSES: usize = 5;
 /// The finest tolerance of the first course, which only has to find the crossing: most of its times lie beyond that.
 const FIRST: f64 = 0.03;
 /// The part of the tolerance that a finer course aims at: the slope is not known any better.
-const AIM: f64 = 0.4;
+const AIM: f64 = 0.6;
 /// The part of what may be off that the level is allowed.
 const OF_LEVEL: f64 = 0.25;
 /// The finest tolerance that a course is given.
@@ -66,6 +66,8 @@ const FINEST: f64 = 1e-10;
 const LONG: f64 = 3.0;
 /// Of the way from the stationary value to the level, within which a course has come to rest.
 const NEAR: f64 = 0.1;
+/// The part of time that a whole course shows.
+const ALWAYS: [f64; 2] = [0.0, f64::INFINITY];
 /// Of the cost of a course as long as the first, what those about the crossing take.
 const AGAIN: f64 = 0.5;
 
@@ -133,7 +135,7 @@ impl Reach {
     ) -> Result<Reached> {
         let mut limit = Limit::of(stationary)?;
         let (mut times, mut settings) = (self.times.clone(), rough(&self.settings));
-        let mut parts = vec![[0.0, f64::INFINITY]];
+        let mut parts = vec![ALWAYS];
         let mut curve = Curve::about(limit.value.scaled(self.fraction));
         let mut best: Option<(Crossing, Method)> = None;
         let mut reason = "its courses bring it no nearer".to_owned();
@@ -144,10 +146,10 @@ impl Reach {
             let from = pass as f64 / courses as f64;
             let part = |x: f64| progress(from + x / courses as f64);
             let it = if pass == 0 {
-                self.first.solve(problem, (&times, &[]), limits, &part)
+                self.first.course(problem, &times, limits, &part)
             } else {
                 Recipe::of(problem.0, problem.1, &times, &settings)
-                    .and_then(|recipe| recipe.solve(problem, (&times, &[]), limits, &part))
+                    .and_then(|recipe| recipe.course(problem, &times, limits, &part))
             };
             let it = match (it, &best) {
                 (Ok(it), _) => it,
@@ -161,9 +163,8 @@ impl Reach {
             let Some(values) = values(self.moment, &it, stiff) else {
                 return Ok(self.answer(None, it, "it does not exist at every time"));
             };
-            curve.take(&it.times, &values, &parts);
-            // A course may do better than it was asked to.
-            let come = it.worst.min(settings.tolerance);
+            let largest = values.iter().map(|it| it.error).fold(0.0, f64::max);
+            curve.take(&it.times, values, std::mem::take(&mut parts));
             if curve.at_once(self.settings.tolerance) {
                 let words = "the initial condition has that fraction already";
                 return Ok(self.answer(Some(Estimate::closed_form(0.0)), it, words));
@@ -186,7 +187,7 @@ impl Reach {
             } else if !self.rests(&curve, limit.value) && lengths < self.lengths {
                 lengths += 1;
                 times = course(2.0 * end, self.spacing);
-                parts = vec![[end, f64::INFINITY]];
+                parts = vec![ALWAYS];
                 continue;
             } else {
                 match self.not_passed(&curve, &seen, limit.value) {
@@ -208,14 +209,16 @@ impl Reach {
                 }
             };
             (times, parts) = if seen.stretches.is_empty() {
-                (course(end, self.spacing), vec![[0.0, f64::INFINITY]])
+                (course(end, self.spacing), vec![ALWAYS])
             } else {
-                seen.closer(end, MOST)
+                seen.closer(end, MOST, finer.unwrap_or(1.0))
             };
             if let Some(finer) = finer {
+                let error = seen.error().unwrap_or(curve.error());
+                // What the times that matter have come to, where a course did better there than it was asked to.
+                let come = (it.worst * error / largest).min(settings.tolerance);
                 settings.tolerance = tightened(come, finer);
-                let error = finer * seen.error().unwrap_or(curve.error());
-                match limit.within(OF_LEVEL * error / self.fraction) {
+                match limit.within(OF_LEVEL * finer * error / self.fraction) {
                     Ok(()) => curve.lies(limit.value.scaled(self.fraction)),
                     Err(error @ Error::Stopped { .. }) => return Err(error),
                     Err(error) => reason = format!("its level is known no better: {error}"),
@@ -259,13 +262,13 @@ impl Reach {
         if !self.rests(curve, stationary) {
             return NotPassed::Perhaps(0.0, words);
         }
+        if seen.stretches.is_empty() {
+            return NotPassed::Never(words);
+        }
         let error = curve.error();
         if apart <= error {
             let words = format!("the stationary value is not told from it: {words}");
             return NotPassed::Perhaps(AIM * apart / error, words);
-        }
-        if seen.stretches.is_empty() {
-            return NotPassed::Never(words);
         }
         let finer = seen.finer(0.0).map_or(1.0, |it| AIM * it);
         let words = format!("what is not known of it hides whether it is passed: {words}");

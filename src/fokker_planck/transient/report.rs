@@ -10,7 +10,7 @@ use crate::fokker_planck::convergence::{UNKNOWN, left};
 use crate::fokker_planck::density::Snapshot;
 use crate::fokker_planck::policy::SETTLED;
 use crate::fokker_planck::settings::Method;
-use crate::moments::{Moment, Moments};
+use crate::moments::Moments;
 use std::f64::consts::TAU;
 
 /// The answer of a transient solve, one entry per output time.
@@ -122,7 +122,7 @@ impl Task<'_> {
         }
         let pairs = || fine.outputs.iter().zip(&coarse.outputs);
         let [relative_entropy, distance] =
-            self.beside_the_law(&fine, coarse, (&moments, errors.scales()), outside);
+            beside_the_law([&fine, coarse], (&moments, errors.scales()), outside);
         let of_law = |it: Vec<Estimate>| it.into_iter().map(|it| known.then_some(it)).collect();
         let negative = fine.outputs.iter().map(|o| o.negative).fold(0.0, f64::max);
         if negative > self.recipe.tolerance {
@@ -172,32 +172,26 @@ impl Task<'_> {
             warnings,
         }
     }
+}
 
-    /// Relative entropy and L1 distance to the stationary law at each time: what two runs differ by, with the margin of a number
-    /// of which no more is known, and the largest error of a moment over its normalisation.
-    fn beside_the_law(
-        &self,
-        fine: &Run,
-        coarse: &Run,
-        (moments, scales): (&[Moments], &[[f64; 11]]),
-        outside: f64,
-    ) -> [Vec<Estimate>; 2] {
-        let of = |law: usize, f: fn(&Output) -> f64| {
-            let pairs = fine.outputs.iter().zip(&coarse.outputs);
-            let one = |((a, b), (moments, scale)): ((&Output, &Output), (&Moments, &[f64; 11]))| {
-                // E[H]/T is a part of the entropy.
-                let energy = match (law, moments.get(Moment::MeanEnergy)) {
-                    (0, Some(energy)) => energy.error / self.oscillator.temperature(),
-                    _ => 0.0,
-                };
-                let numbers = moments.named().into_iter().zip(scale);
-                let off = numbers.map(|((_, it), scale)| it.map_or(0.0, |it| it.error / scale));
-                let off = off.fold(energy, f64::max);
-                let error = left(UNKNOWN) * (f(a) - f(b)).abs() + off + outside + a.doubt[law];
-                Estimate::new(f(a), error, Origin::Space)
-            };
-            pairs.zip(moments.iter().zip(scales)).map(one).collect()
+/// Relative entropy and L1 distance to the stationary law at each time: what two runs differ by, with the margin of a number
+/// of which no more is known, and the largest error of a moment over its normalisation.
+fn beside_the_law(
+    [fine, coarse]: [&Run; 2],
+    (moments, scales): (&[Moments], &[[f64; 11]]),
+    outside: f64,
+) -> [Vec<Estimate>; 2] {
+    let of = |law: usize, f: fn(&Output) -> f64| {
+        let pairs = fine.outputs.iter().zip(&coarse.outputs);
+        let one = |((a, b), (moments, scale)): ((&Output, &Output), (&Moments, &[f64; 11]))| {
+            // E[H]/T, a part of the entropy, among them.
+            let numbers = moments.named().into_iter().zip(scale);
+            let off = numbers.map(|((_, it), scale)| it.map_or(0.0, |it| it.error / scale));
+            let off = off.fold(0.0, f64::max);
+            let error = left(UNKNOWN) * (f(a) - f(b)).abs() + off + outside + a.doubt[law];
+            Estimate::new(f(a), error, Origin::Space)
         };
-        [of(0, |it| it.entropy), of(1, |it| it.distance)]
-    }
+        pairs.zip(moments.iter().zip(scales)).map(one).collect()
+    };
+    [of(0, |it| it.entropy), of(1, |it| it.distance)]
 }

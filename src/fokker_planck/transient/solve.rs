@@ -93,20 +93,12 @@ pub fn uncertified_periodic(
 /// The rung of a recipe at which its tolerance is expected.
 fn single(
     recipe: &Recipe,
-    (oscillator, initial): (&Oscillator, &Initial),
+    question: (&Oscillator, &Initial),
     times: &[f64],
     settings: &Settings,
 ) -> Result<Vec<Moments>> {
-    let task = Task {
-        oscillator,
-        initial,
-        times,
-        density_times: &[],
-        recipe,
-        limits: &settings.limits(),
-        law: None,
-        begun: None,
-    };
+    let limits = settings.limits();
+    let task = recipe.task(question, (times, &[]), &limits);
     let run = task.once(&task.rung(recipe.expected)?, times, &|_| ())?;
     Ok(run.outputs.iter().map(|it| it.moments).collect())
 }
@@ -134,22 +126,13 @@ impl Recipe {
     /// As [`transient`], by a recipe made before for the same question.
     pub(crate) fn solve(
         &self,
-        (oscillator, initial): (&Oscillator, &Initial),
-        (times, density_times): (&[f64], &[f64]),
+        question: (&Oscillator, &Initial),
+        times: (&[f64], &[f64]),
         limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Transient> {
         let late = || limits.in_time(|| "the stationary law was not found".into());
-        let task = Task {
-            oscillator,
-            initial,
-            times,
-            density_times,
-            recipe: self,
-            limits,
-            law: None,
-            begun: None,
-        };
+        let task = self.task(question, times, limits);
         let law = law::law(&task, &late)?;
         let task = Task {
             law: law.as_ref(),
@@ -160,10 +143,47 @@ impl Recipe {
             begun: begun.as_deref(),
             ..task
         };
-        if self.layout.drift == Drift::Upwind {
-            return upwind::refined(task, progress);
+        self.climb(&task, progress)
+    }
+
+    /// The same for the moments alone: a stationary law without a closed form is not solved for.
+    pub(crate) fn course(
+        &self,
+        question: (&Oscillator, &Initial),
+        times: &[f64],
+        limits: &Limits,
+        progress: &(dyn Fn(f64) + Sync),
+    ) -> Result<Transient> {
+        if *question.1 == Initial::Stationary {
+            return self.solve(question, (times, &[]), limits, progress);
         }
-        ladder::climbed(&task, progress)
+        self.climb(&self.task(question, (times, &[]), limits), progress)
+    }
+
+    /// What is to be computed, without a law or what it has done.
+    fn task<'a>(
+        &'a self,
+        (oscillator, initial): (&'a Oscillator, &'a Initial),
+        (times, density_times): (&'a [f64], &'a [f64]),
+        limits: &'a Limits,
+    ) -> Task<'a> {
+        Task {
+            oscillator,
+            initial,
+            times,
+            density_times,
+            recipe: self,
+            limits,
+            law: None,
+            begun: None,
+        }
+    }
+
+    fn climb(&self, task: &Task, progress: &(dyn Fn(f64) + Sync)) -> Result<Transient> {
+        if self.layout.drift == Drift::Upwind {
+            return upwind::refined(*task, progress);
+        }
+        ladder::climbed(task, progress)
     }
 }
 
