@@ -545,7 +545,7 @@ fn a_level_that_is_not_known_within_the_limits_is_no_answer_and_no_fault_of_the_
     let it = run(
         "[oscillator]\ncontact = \"hertz\"\ndamping = \"hunt_crossley\"\nzeta = 0.9\nh = 0.3\n[outputs]\n\
          stationary = true\nreach = { quantity = \"var_q\", fraction = 0.5 }\n[accuracy]\ntolerance = 1e-2\n\
-         max_memory = \"30 MB\"\n",
+         max_memory = \"60 MB\"\n",
     );
     let (_, reach) = it
         .shortfalls

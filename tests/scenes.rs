@@ -1617,6 +1617,10 @@ const BAD: &[(&str, &str)] = &[
         "@[outputs]\nfirst_loss = { until = 1e12 }\n[monte_carlo]\npaths = 100",
     ),
     (
+        "friction too weak for a course",
+        "[oscillator]\nzeta = 1e-11\nh = 1e-14\n[outputs]\nreach = { quantity = \"mean_energy\", fraction = 0.9 }",
+    ),
+    (
         "too many cosines",
         "@[monte_carlo]\nnoise = { cosines = 20000, band = 4 }",
     ),

@@ -189,7 +189,7 @@ impl FirstLosses {
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<FirstLossResult> {
         limits.holds("the paths", self.cost.memory)?;
-        walk::check_ensemble(self.paths, times, "outputs.first_loss")?;
+        walk::check_ensemble(self.paths, times, self.target.key())?;
         let end = times.last().copied().unwrap_or(0.0);
         let (steps, step) = walk::equal_steps(end, self.walk.step)?;
         let progress = &Progress::new(self.paths, limits, progress);
@@ -261,6 +261,7 @@ impl FirstLosses {
             path_steps: (steps + before).saturating_mul(self.paths),
             warnings: (self.walk.warning(self.bias, n, names).into_iter())
                 .chain(self.blind(n, names))
+                .chain(nobody(n, names))
                 .chain(walk::not_run_in(oscillator, initial, names))
                 .collect(),
         })
@@ -278,6 +279,15 @@ impl FirstLosses {
             unknown: unknown(),
         })
     }
+}
+
+/// A warning that there is nothing to count.
+fn nobody(samples: f64, unknown: impl FnOnce() -> Vec<String>) -> Option<Warning> {
+    (samples == 0.0).then(|| Warning {
+        text: "no path had its start within the range after the run-in: more monte_carlo.paths"
+            .into(),
+        unknown: unknown(),
+    })
 }
 
 /// The ensemble, to be run once the contact law is known.

@@ -112,7 +112,7 @@ impl Walk {
     ) -> Result<Self> {
         initial.check()?;
         if it.noise != Noise::White {
-            let accepted = "\"white\", for first_loss";
+            let accepted = "\"white\", for first passages";
             let key = "monte_carlo.noise";
             return Err(Error::invalid(key, "band-limited", accepted));
         }

@@ -48,6 +48,7 @@ impl Plan {
                     let until = outputs.first_passage.map_or(0.0, |it| it.until);
                     ("outputs.first_passage.until", until)
                 }
+                (Part::Reach, _) => ("oscillator.zeta", self.scene.oscillator.zeta()),
                 _ if outputs.density_at.last() > outputs.moments_at.last() => {
                     ("outputs.density_at", outputs.density_at.last())
                 }

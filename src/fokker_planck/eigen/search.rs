@@ -291,10 +291,7 @@ impl Search<'_> {
         vectors: usize,
         modes: &mut Vec<Ritz>,
     ) -> Result<()> {
-        let late = || {
-            self.limits
-                .in_time(|| "the eigenvalues had not ended".into())
-        };
+        let late = self.limits.late("the eigenvalues");
         let error = |modes: &[Ritz], target: &C| {
             let distance = |it: &&Ritz| (it.value - target).norm();
             let nearest = modes

@@ -385,8 +385,8 @@ impl Question for Task<'_> {
                 law,
             };
             self.ratios.push(worst.0);
-            let better = self.best.as_ref().is_none_or(|best| worst.0 <= best.1);
-            if better {
+            let better = |best: &(SolvedLaw, f64, &str)| best.1.is_nan() || worst.0 <= best.1;
+            if self.best.as_ref().is_none_or(better) {
                 self.best = Some((law, worst.0, worst.1));
             }
         }

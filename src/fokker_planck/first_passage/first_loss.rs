@@ -223,7 +223,7 @@ impl FirstPassage {
         }
         // A stationary start without a closed form is solved for.
         let law = if *initial == Initial::Stationary && !oscillator.is_viscous() {
-            let late = || limits.in_time(|| "the stationary law was not found".into());
+            let late = limits.late("the stationary law");
             Some(Settled::within(
                 oscillator,
                 self.asked.tolerance,

@@ -61,7 +61,7 @@ impl AbsorbingMesh {
         let top = rise + fineness.level * oscillator.temperature();
         let Some(right) = region.turning_point(top) else {
             return Err(Error::NoStationaryLaw {
-                what: "the first loss of contact".into(),
+                what: "the first passage".into(),
                 contact: oscillator.contact().name().into(),
                 why: "nothing brings the motion back".into(),
             });

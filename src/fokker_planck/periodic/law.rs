@@ -102,9 +102,8 @@ fn averaged(moments: &[Moments], moment: Moment) -> Option<Estimate> {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PeriodicLaw {
     recipe: Recipe,
-    /// Equally spaced over a period from phase 0 on; `each`-th are those asked for.
+    /// Equally spaced over a period from phase 0 on; those that the recipe counts are asked for.
     times: Vec<f64>,
-    each: usize,
     /// Those at which the density is kept.
     maps: Vec<f64>,
 }
@@ -134,7 +133,6 @@ impl PeriodicLaw {
             recipe,
             maps: (0..maps).map(map).collect(),
             times,
-            each,
         })
     }
 
@@ -178,7 +176,7 @@ impl PeriodicLaw {
         let question = (oscillator, &Initial::Stationary);
         let times = (&self.times[..], &self.maps[..]);
         let it = self.recipe.solve(question, times, limits, progress)?;
-        let mut law = Periodic::of(it, self.each);
+        let mut law = Periodic::of(it, self.recipe.each);
         let forming = self.forming(&law);
         let flies = |it: &Estimate| it.value > it.error;
         if oscillator.continuous_from() == Some(0.0)

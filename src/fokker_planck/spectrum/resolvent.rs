@@ -199,7 +199,7 @@ impl Task<'_> {
     fn model(&self, progress: &(dyn Fn(f64) + Sync)) -> Result<(Reduced, Option<f64>)> {
         let (recipe, limits, quantity) = (self.recipe, &self.limits, self.quantity);
         let full = Hierarchy::new(self.oscillator, quantity, self.next)?;
-        let late = || limits.in_time(|| "the stationary law of the spectrum was not found".into());
+        let late = limits.late("the stationary law of the spectrum");
         let form = Form {
             adjoint: Adjoint::of(self.oscillator, &full, quantity, &late)?,
             full,

@@ -5,7 +5,6 @@ use super::propagator::{self, Propagator};
 use super::recipe::Rung;
 use super::run::{OverAPeriod, Run, Side, Task, believable};
 use crate::error::Result;
-use crate::fokker_planck::budget;
 use crate::fokker_planck::density::Density;
 use crate::fokker_planck::fixed_point::{self, Fixed, Goal};
 use crate::fokker_planck::integrators::Late;
@@ -37,12 +36,8 @@ impl Task<'_> {
         progress: &dyn Fn(f64),
     ) -> Result<Run> {
         let (oscillator, limits) = (self.oscillator, self.limits);
-        let mesh = rung.mesh(oscillator)?;
-        let (cells, given) = (mesh.cells(), rung.layout.is_given());
-        budget::check_memory(budget::flow_map_memory(cells), cells, given, limits.memory)?;
-        let clock = limits.clone();
-        let late = move || clock.in_time(|| "the periodic law had not been found".to_string());
-        let late: Late = Arc::new(late);
+        let mesh = self.mesh(rung, None)?;
+        let late: Late = Arc::new(limits.late("the periodic law"));
         let vectors = (MEMORY * limits.memory as f64) as u64;
         let beside = limits.memory - vectors;
         let mut propagator = propagator::build(rung, oscillator, &mesh, period, (beside, late))?;

@@ -281,7 +281,7 @@ impl Task<'_> {
     }
 
     /// The mesh of a run, if it fits.
-    fn mesh(&self, rung: &Rung, start_up: Option<&StartUp<'_>>) -> Result<Mesh> {
+    pub(super) fn mesh(&self, rung: &Rung, start_up: Option<&StartUp<'_>>) -> Result<Mesh> {
         let mesh = match start_up {
             None => rung.mesh(self.oscillator)?,
             Some(start_up) => start_up.mesh()?,

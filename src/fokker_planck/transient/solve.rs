@@ -131,7 +131,7 @@ impl Recipe {
         limits: &Limits,
         progress: &(dyn Fn(f64) + Sync),
     ) -> Result<Transient> {
-        let late = || limits.in_time(|| "the stationary law was not found".into());
+        let late = limits.late("the stationary law");
         let task = self.task(question, times, limits);
         let law = law::law(&task, &late)?;
         let task = Task {
