@@ -424,6 +424,20 @@ fn a_level_that_is_none_is_refused_by_name_and_a_start_beyond_one_is_lost_at_onc
     assert!(it.shortfall.is_none(), "{:?}", it.shortfall);
 }
 
+/// Noise alone hardly pushes a motion so deep against Hunt and Crossley's friction, and a flight needs 61 T to come there, four times
+/// the energy of the level.
+#[test]
+fn a_level_that_friction_guards_is_passed_from_flights_far_above_its_energy() {
+    let it = Oscillator::new(ContactLaw::Hertz, 0.287, 0.021).unwrap();
+    let it = it.with_damping(Damping::HuntCrossley).unwrap();
+    let level = (1.71, Side::Above, 50.0);
+    let solved = first_passage(&it, &Initial::Rest, level, &settings(3e-2), &|_| ()).unwrap();
+    println!("rate {}, {:?}", solved.rate, solved.method.cells);
+    // Tolerances of 1e-2 to 1e-3 give 6.702e-9 +- 2e-11, from 569 x 345 nodes on.
+    let away = (solved.rate.value - 6.702e-9).abs();
+    assert!(away < solved.rate.error && solved.rate.error < 0.05 * solved.rate.value);
+}
+
 #[test]
 fn rare_passages_are_exponential_with_the_mean_time_of_their_rate() {
     // One in a thousand by t = 100: far too many to be left to the slowest mode alone, and few enough to hide from GMRES.

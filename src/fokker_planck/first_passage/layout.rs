@@ -22,6 +22,9 @@ const OF_A_MESH: f64 = 3.0;
 /// How far the mesh goes above a barrier between two wells, in T.
 const OVER_A_BARRIER: f64 = 8.0;
 
+/// -ln p of a cause of passages that is looked for.
+const RAREST: u32 = 100;
+
 /// Most output times after t = 0: each is a stop for the steps.
 const MOST_OUTPUTS: f64 = 200.0;
 
@@ -128,6 +131,10 @@ impl Layout {
             _ => 1.0,
         };
         let mut level = least * hotter;
+        let cause = rarity(&region);
+        if cause > 0.0 {
+            level = level.max((oscillator.energy_at(cause + least) - rise) / t);
+        }
         if let Some(top) = oscillator.contact().barrier() {
             level = level.max((top - rise) / t + OVER_A_BARRIER);
         }
@@ -395,6 +402,35 @@ fn bounce(region: &Region<'_>, speed: f64) -> f64 {
     region.after(&[[loss, speed]], &times, &mut ends);
     let back = ends.iter().position(|end| end[0] <= loss);
     back.map_or(f64::INFINITY, |k| times[k.saturating_sub(1)])
+}
+
+/// -ln p of the likeliest cause of a passage that friction holds back, be it the speed of a flight or noise against it: the least
+/// rarity whose motions come so deep. 0 where friction holds nothing back.
+fn rarity(region: &Region<'_>) -> f64 {
+    let (it, Barrier { low, high, .. }) = (region.oscillator, region.barrier);
+    let contact = it.contact();
+    let (Some(walls), Some(lowest)) = (contact.flight(), contact.lowest_potential()) else {
+        return 0.0;
+    };
+    let levels = region.range(low, high.unwrap_or(f64::INFINITY));
+    let ends = levels.map(|q| if q.is_finite() { q } else { walls[1] });
+    let held = it.holds_back(ends);
+    if held == [false; 2] {
+        return 0.0;
+    }
+    let at_wall = contact.potential(walls[1]) - lowest;
+    let passes = |rarity: &f64| {
+        let inrush = Inrush {
+            certain: 0.0,
+            highest: (2.0 * (it.energy_at(*rarity) - at_wall)).max(0.0).sqrt(),
+            push: 0.0,
+            rarity: *rarity,
+        };
+        let reached = inrush.reach(it, ends);
+        (0..2).any(|k| held[k] && (reached[k] - ends[k]).abs() < 1e-9 * (ends[k] - walls[k]).abs())
+    };
+    let mut rarities = (1..=RAREST).map(f64::from);
+    rarities.find(passes).unwrap_or(RAREST.into())
 }
 
 /// The largest rate of friction where an energy above the lowest reaches, and friction lets it.
