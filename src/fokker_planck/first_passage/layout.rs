@@ -143,7 +143,8 @@ impl Layout {
             let q = barrier.high.map_or(q, |high| q.min(high));
             level = level.max((0.5 * v * v + region.height(q) - rise) / t);
         }
-        let beyond = level / hotter;
+        // Flights that friction asks for are no rarer beyond the edge than that.
+        let beyond = if cause > 0.0 { least } else { level / hotter };
         let outside = (-beyond).exp() * (1.0 + beyond);
         let speed = (2.0 * (rise + level * t)).sqrt() + swing;
         let level = if forcing.is_none() {
@@ -405,7 +406,7 @@ fn bounce(region: &Region<'_>, speed: f64) -> f64 {
 }
 
 /// -ln p of the likeliest cause of a passage that friction holds back, be it the speed of a flight or noise against it: the least
-/// rarity whose motions come so deep. 0 where friction holds nothing back.
+/// rarity whose motions come so deep. 0 where friction holds nothing back, or where none up to [`RAREST`] does.
 fn rarity(region: &Region<'_>) -> f64 {
     let (it, Barrier { low, high, .. }) = (region.oscillator, region.barrier);
     let contact = it.contact();
@@ -430,7 +431,7 @@ fn rarity(region: &Region<'_>) -> f64 {
         (0..2).any(|k| held[k] && (reached[k] - ends[k]).abs() < 1e-9 * (ends[k] - walls[k]).abs())
     };
     let mut rarities = (1..=RAREST).map(f64::from);
-    rarities.find(passes).unwrap_or(RAREST.into())
+    rarities.find(passes).unwrap_or(0.0)
 }
 
 /// The largest rate of friction where an energy above the lowest reaches, and friction lets it.

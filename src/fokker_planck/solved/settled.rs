@@ -38,7 +38,7 @@ pub(in crate::fokker_planck) const FARTHEST: f64 = 2.0;
 pub(in crate::fokker_planck) struct Approach<'a> {
     oscillator: &'a Oscillator,
     late: &'a Deadline<'a>,
-    /// Bytes and seconds allowed, the seconds for one resolution after the two that an answer takes.
+    /// Bytes and seconds allowed, the seconds for one mesh, or one resolution in functions after the two that an answer takes.
     most: (u64, f64),
     /// In Hermite functions, the coarsest first.
     functions: Vec<Law>,

@@ -4,10 +4,9 @@
 use crate::estimate::{Estimate, Origin};
 use crate::roots::bisect;
 
-/// A moment against time, turned so that it rises through 0 where it first reaches the level.
+/// A moment against time, and a level.
 pub(super) struct Curve {
     level: Estimate,
-    sign: f64,
     courses: Vec<Course>,
 }
 
@@ -18,8 +17,8 @@ struct Course {
     parts: Vec<[f64; 2]>,
 }
 
-/// The curve at one time: the interpolated value, an error of those about it, how far it may be off between them, and the highest
-/// and the lowest it can be by the slopes about it.
+/// The curve at one time: the interpolated value, an error of those about it, how far it may be off between them, and the lowest
+/// and the highest it can be by the slopes about it.
 #[derive(Clone, Copy)]
 struct Place {
     value: f64,
@@ -64,10 +63,12 @@ pub(super) struct Crossing {
 const PIECES: u32 = 64;
 /// So many times are put where there was one, of a stretch whose curve is not known between the times.
 const OF_SPACING: f64 = 4.0;
+/// Part of their errors that values are taken to have left, at the least.
+const FINEST: f64 = 0.02;
 /// Times beyond both ends of a stretch, for the interpolation.
 const BEYOND: f64 = 2.0;
 /// Times about a stretch at least.
-const FINE: f64 = 8.0;
+const FINE: f64 = 5.0;
 
 impl Crossing {
     pub(super) fn error(&self) -> f64 {
@@ -95,6 +96,7 @@ impl Stretch {
             from: self.from,
             to: next.to,
             spacing: self.spacing.min(next.spacing),
+            unsure: self.unsure.max(next.unsure),
             ..higher
         };
     }
@@ -103,16 +105,17 @@ impl Stretch {
     /// other than the interpolation needs, of order 4, since steps that end sooner bring no value nearer.
     fn window(&self, end: f64, most: f64, finer: f64) -> Vec<f64> {
         let parts = if self.by_value() > 0.5 {
-            let unsure = self.unsure / (finer * self.error);
+            let unsure = self.unsure / (finer.max(FINEST) * self.error);
             (4.0 * unsure).powf(0.25).clamp(1.0, OF_SPACING)
         } else {
             OF_SPACING
         };
         let apart = self.spacing / parts;
-        let from = (self.from - BEYOND * apart).max(0.0);
-        let to = (self.to + BEYOND * apart).min(end);
+        // Values may err by twice what they are said to: half of the stretch more.
+        let beyond = (BEYOND * apart).max(0.5 * (self.to - self.from));
+        let (from, to) = ((self.from - beyond).max(0.0), (self.to + beyond).min(end));
         let count = ((to - from) / apart).ceil();
-        evenly(from, to, count.clamp(BEYOND, most.max(FINE)))
+        evenly(from, to, count.clamp(FINE, most.max(FINE)))
     }
 }
 
@@ -192,17 +195,22 @@ impl Course {
         if k < last { width(k) * steepest } else { 0.0 }
     }
 
-    /// The cubic through the four times about interval `k`, and how far it is from those one time before and after: a parabola would
-    /// tell nothing at a peak, where the third derivative vanishes.
+    /// The cubic through the four times about interval `k`, and how far it is from those one time before and after, at an end of the
+    /// course one and two times further in: a parabola would tell nothing at a peak, where the third derivative vanishes.
     fn between(&self, k: usize, t: f64) -> (f64, f64) {
         let last = self.times.len() - 1;
         let from = k.saturating_sub(1).min(last.saturating_sub(3));
         let cubic = self.lagrange(from..=(from + 3).min(last), t);
-        let beside = [from.checked_sub(1), Some(from + 1)].into_iter().flatten();
-        let whole = beside.filter(|it| it + 3 <= last);
+        let further = match from {
+            0 => Some(2),
+            _ if from + 3 == last => from.checked_sub(2),
+            _ => None,
+        };
+        let beside = [from.checked_sub(1), Some(from + 1), further];
+        let whole = beside.into_iter().flatten().filter(|it| it + 3 <= last);
         let others = whole.map(|it| self.lagrange(it..=it + 3, t));
         let apart = others.map(|it| (cubic - it).abs()).reduce(f64::max);
-        let fewer = || (cubic - self.lagrange(0..=last.min(2), t)).abs();
+        let fewer = || (cubic - self.lagrange(0..=last.min(3).saturating_sub(1), t)).abs();
         (cubic, apart.unwrap_or_else(fewer))
     }
 
@@ -223,7 +231,6 @@ impl Curve {
     pub(super) fn about(level: Estimate) -> Self {
         Self {
             level,
-            sign: 1.0,
             courses: Vec::new(),
         }
     }
@@ -235,10 +242,6 @@ impl Curve {
 
     /// Takes what a course shows in these parts.
     pub(super) fn take(&mut self, times: &[f64], values: Vec<Estimate>, parts: Vec<[f64; 2]>) {
-        if self.courses.is_empty() {
-            let below = values.first().is_none_or(|it| it.value < self.level.value);
-            self.sign = if below { 1.0 } else { -1.0 };
-        }
         self.courses.push(Course {
             times: times.to_vec(),
             values,
@@ -246,8 +249,11 @@ impl Curve {
         });
     }
 
+    /// The value at the first time of all.
     pub(super) fn first(&self) -> Option<Estimate> {
-        self.courses.first()?.values.first().copied()
+        let first = *self.courses.first()?.times.first()?;
+        self.at(first)
+            .map(|it| Estimate::new(it.value, it.error, Origin::Time))
     }
 
     /// The last time and the value there.
@@ -282,10 +288,13 @@ impl Curve {
         places.all(|it| (it.value - value).abs() <= within.max(it.error + self.level.error))
     }
 
-    /// The times of all courses.
+    /// The times of all courses, each in its parts.
     fn times(&self) -> Vec<f64> {
-        let all = self.courses.iter().flat_map(|it| &it.times);
-        let mut times: Vec<f64> = all.copied().collect();
+        let of = |it: &'_ Course| {
+            let times = it.times.iter().filter(|t| it.covers(**t));
+            times.copied().collect::<Vec<f64>>()
+        };
+        let mut times: Vec<f64> = self.courses.iter().flat_map(of).collect();
         times.sort_by(f64::total_cmp);
         times.dedup();
         times
@@ -303,7 +312,10 @@ impl Curve {
         let mut seen = Passage::default();
         // A level that is not known is as if the values were not.
         let error = |it: &Place| it.error + self.level.error;
-        let over = |value: f64| self.sign * (value - self.level.value);
+        // Turned so that it rises through 0 where it first reaches the level.
+        let below = self.first().is_none_or(|it| it.value < self.level.value);
+        let sign = if below { 1.0 } else { -1.0 };
+        let over = |value: f64| sign * (value - self.level.value);
         // Where even a peak between the times stays away nothing is looked at more closely.
         let near = |it: &Place| {
             it.within.map(over).into_iter().fold(f64::MIN, f64::max) + error(it) >= 0.0
@@ -322,7 +334,10 @@ impl Curve {
                 open = false;
                 continue;
             }
-            let place = |j: u32| ends[0] + (ends[1] - ends[0]) * f64::from(j) / f64::from(PIECES);
+            let place = |j: u32| match j {
+                PIECES => ends[1],
+                _ => ends[0] + (ends[1] - ends[0]) * f64::from(j) / f64::from(PIECES),
+            };
             for j in 0..=PIECES {
                 let piece = [place(j.saturating_sub(1)), place(j)];
                 let Some(here) = self.at(piece[1]).filter(possible) else {
@@ -391,6 +406,35 @@ mod tests {
             println!("{crossing:?}");
             assert!((crossing.t - 2f64.ln()).abs() < 1e-5);
             assert!((crossing.error() / 2e-4 - 1.0).abs() < 0.05);
+        }
+    }
+
+    /// -cos 2(t + s) from t = 0 on, at the ends of courses: between values without error it errs by no more than is said.
+    #[test]
+    fn what_lies_between_the_times_is_within_its_error_at_the_ends_too() {
+        for k in 0..200 {
+            let shift = 0.0157 * f64::from(k);
+            let of = |t: f64| -(2.0 * (t + shift)).cos();
+            for times in [evenly(0.0, 4.0, 10.0), evenly(0.0, 2.0, FINE)] {
+                let exact = |t: &f64| Estimate::new(of(*t), 0.0, Origin::Space);
+                let values = times.iter().map(exact).collect();
+                let (course, last) = (times.clone(), times[times.len() - 1]);
+                let course = Course {
+                    times: course,
+                    values,
+                    parts: vec![ALWAYS],
+                };
+                for j in 0..100 {
+                    let t = 0.01 * f64::from(j) * last;
+                    let place = course.at(t);
+                    let off = (place.value - of(t)).abs();
+                    assert!(
+                        off <= place.unsure + 1e-3,
+                        "{times:?} {shift} {t}: {off} {}",
+                        place.unsure
+                    );
+                }
+            }
         }
     }
 

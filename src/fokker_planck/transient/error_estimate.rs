@@ -208,10 +208,14 @@ fn of_differences(
     now
 }
 
-/// The normalisation of every number of a run: by the stationary law that was solved for, if one was.
+/// L1 error of a law that is solved for, below which its deviations are those that errors are held against.
+const KNOWN: f64 = 0.1;
+
+/// The normalisation of every number of a run: by the stationary law that was solved for, if one was and its size is known.
 pub(super) fn scales(task: &Task, run: &Run) -> Table {
     let contact = task.oscillator.contact();
-    let solved = task.law.map(|it| it.law.raw().moments(contact));
+    let solved = task.law.filter(|it| it.error < KNOWN);
+    let solved = solved.map(|it| it.law.raw().moments(contact));
     let scales = solved.map_or_else(|| Scales::of(task.oscillator), |law| Scales::of_law(&law));
     let rows = run.outputs.iter();
     rows.map(|it| scales.each(&it.moments)).collect()
@@ -234,9 +238,9 @@ impl Errors {
                 if let Some(period) = rung.period {
                     steps.step = period / steps.steps(period);
                 }
-                // Over the deviation of the law that p is taken against.
+                // Over the deviation of the law that p is taken against, which is not that of the normalisation.
                 let reference = rung.reference(task.oscillator).temperature();
-                let wider = (reference / task.oscillator.temperature()).sqrt();
+                let wider = (reference / task.oscillator.kinetic_temperature()).sqrt();
                 let own = wider * steps.splitting_error(task.oscillator);
                 let forced = rung.forcing.as_ref();
                 let forced =

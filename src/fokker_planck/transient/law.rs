@@ -8,7 +8,7 @@ use crate::initial::Initial;
 
 /// The law as near as the answer asks, with s its share of the tolerance: to an L1 error of s times the tolerance where the run
 /// begins in it or comes that close to it, else of s^2 times the nearest distance. Where only distances are taken to it, no
-/// resolution beyond the first two takes longer than the run is foreseen to. None where nothing asks for it, or where it is not found
+/// mesh and no resolution in functions beyond the first two takes longer than the run at the expected rung. None where nothing asks for it, or where it is not found
 /// and only distances would be taken to it.
 ///
 /// # Errors
@@ -25,7 +25,9 @@ pub(super) fn law(task: &Task, late: &Deadline) -> Result<Option<Settled>> {
     if begins {
         return Settled::within(oscillator, recipe.tolerance, late, task.limits.memory).map(Some);
     }
-    let most = (task.limits.memory, recipe.cost.seconds);
+    // Of one thread: how many there are has no say in what is found.
+    let run = task.work(&task.rung(recipe.expected)?, task.times)?;
+    let most = (task.limits.memory, run.seconds);
     let mut approach = Approach::new(oscillator, late, most);
     let mut within = |tolerance| match approach.within(tolerance) {
         Err(Error::Unresolved { .. } | Error::Linear { .. }) => Ok(None),

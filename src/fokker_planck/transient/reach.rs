@@ -187,7 +187,7 @@ impl Reach {
             } else if !self.rests(&curve, limit.value) && lengths < self.lengths {
                 lengths += 1;
                 times = course(2.0 * end, self.spacing);
-                parts = vec![ALWAYS];
+                parts = vec![[end, f64::INFINITY]];
                 continue;
             } else {
                 match self.not_passed(&curve, &seen, limit.value) {
@@ -378,6 +378,9 @@ fn values(moment: Moment, it: &Transient, stiff: bool) -> Option<Vec<Estimate>> 
             _ => 0.0,
         };
         *first = Estimate { value, ..*next };
+    }
+    for it in values.iter_mut().filter(|it| it.error.is_nan()) {
+        it.error = f64::INFINITY;
     }
     values
         .iter()
