@@ -64,15 +64,17 @@ impl<'a> Approach<'a> {
     /// Hermite functions, or on a mesh where that is nearer.
     pub(in crate::fokker_planck) fn within(&mut self, tolerance: f64) -> Result<Settled> {
         let (oscillator, late) = (self.oscillator, self.late);
-        let fits = |level: usize, bytes: u64, seconds: f64| {
+        let fits = |bytes: u64, seconds: f64| {
             let full = || heavy(oscillator, "and finer ones do not fit their limits");
-            let fits = bytes <= self.most.0 && (level < 2 || seconds <= self.most.1);
+            let fits = bytes <= self.most.0 && seconds <= self.most.1;
             fits.then_some(()).ok_or_else(full)
         };
         let goal = SETTLED_LAW_SHARE.get() * tolerance;
         let functions = |level: usize| {
             let (bytes, operations) = work(FIRST.refined(level));
-            fits(level, bytes, timing::OPERATION * operations)?;
+            // An answer takes two of them, whatever they take.
+            let counted = if level < 2 { 0.0 } else { operations };
+            fits(bytes, timing::OPERATION * counted)?;
             let law = Kept::new(oscillator, FIRST.refined(level), late)?;
             Ok(Law::Functions(law))
         };
@@ -84,8 +86,7 @@ impl<'a> Approach<'a> {
         let on_mesh = |level: usize| {
             late()?;
             let it = OnMesh::work(oscillator, level)?;
-            // Of the meshes the first is dear.
-            fits(level + 2, it.memory, it.seconds)?;
+            fits(it.memory, it.seconds)?;
             Ok(Law::OnMesh(OnMesh::new(oscillator, level)?))
         };
         let on_mesh = known(&mut self.on_mesh, on_mesh);

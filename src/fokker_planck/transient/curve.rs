@@ -59,6 +59,8 @@ pub(super) struct Crossing {
     high: f64,
 }
 
+/// The part of time that a whole course shows.
+pub(super) const ALWAYS: [f64; 2] = [0.0, f64::INFINITY];
 /// Pieces of an interval between two times that are looked at.
 const PIECES: u32 = 64;
 /// So many times are put where there was one, of a stretch whose curve is not known between the times.
@@ -387,8 +389,6 @@ pub(super) fn evenly(from: f64, to: f64, count: f64) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    const ALWAYS: [f64; 2] = [0.0, f64::INFINITY];
 
     fn values(times: &[f64], error: f64, off: f64) -> Vec<Estimate> {
         let value = |t: &f64| Estimate::new(1.0 - (-t).exp() + off, error, Origin::Space);

@@ -8,8 +8,8 @@ use crate::initial::Initial;
 
 /// The law as near as the answer asks, with s its share of the tolerance: to an L1 error of s times the tolerance where the run
 /// begins in it or comes that close to it, else of s^2 times the nearest distance. Where only distances are taken to it, no
-/// mesh and no resolution in functions beyond the first two takes longer than the run at the expected rung. None where nothing asks for it, or where it is not found
-/// and only distances would be taken to it.
+/// mesh and no resolution in functions beyond the first two takes longer than the run at the expected rung. None where nothing asks for
+/// it, or where it is not found and only distances would be taken to it.
 ///
 /// # Errors
 /// Those of the law and of the limits; a run that begins in a law cannot do without.
@@ -26,8 +26,9 @@ pub(super) fn law(task: &Task, late: &Deadline) -> Result<Option<Settled>> {
         return Settled::within(oscillator, recipe.tolerance, late, task.limits.memory).map(Some);
     }
     // Of one thread: how many there are has no say in what is found.
-    let run = task.work(&task.rung(recipe.expected)?, task.times)?;
-    let most = (task.limits.memory, run.seconds);
+    let rung = task.rung(recipe.expected);
+    let run = rung.and_then(|rung| task.work(&rung, task.times));
+    let most = (task.limits.memory, run.map_or(0.0, |it| it.seconds));
     let mut approach = Approach::new(oscillator, late, most);
     let mut within = |tolerance| match approach.within(tolerance) {
         Err(Error::Unresolved { .. } | Error::Linear { .. }) => Ok(None),

@@ -1,7 +1,7 @@
 //! The first time at which a moment of the transient reaches a level: a course over the relaxation of the oscillator
 //! that finds the crossing, then finer times and a finer tolerance about it until its error is within the tolerance.
 
-use super::curve::{Crossing, Curve, Passage, evenly};
+use super::curve::{ALWAYS, Crossing, Curve, Passage, evenly};
 use super::recipe::Recipe;
 use super::report::Transient;
 use crate::error::{Error, Result};
@@ -66,8 +66,6 @@ const FINEST: f64 = 1e-10;
 const LONG: f64 = 3.0;
 /// Of the way from the stationary value to the level, within which a course has come to rest.
 const NEAR: f64 = 0.1;
-/// The part of time that a whole course shows.
-const ALWAYS: [f64; 2] = [0.0, f64::INFINITY];
 /// Of the cost of a course as long as the first, what those about the crossing take.
 const AGAIN: f64 = 0.5;
 
